@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from mckibben.bench.hardware.interface import connected
+from mckibben.bench.hardware.backends import connected
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.microcontroller import in_process
 from mckibben.bench.hardware.simulated import SimulatedMachine

@@ -36,11 +36,12 @@ CONTENTS = {
     "analysis": "loops, cycles, energy, timing",
     "assembly": "muscle + circuit + load = machine",
     "engine": "time integration",
-    "accessors": "methods carried out above",
+    "accessors": "what rooms above carry out",
     "muscles": "laws, friction, elements",
     "pneumatics": "gas, valves, tubes",
     "experiments": "waveforms, protocols",
-    "recordings": "channels, file formats",
+    "recordings": "recordings, force maps",
+    "formats": "files as tables of channels",
     "components": "interfaces of components",
     "specimens": "data of muscles and valves",
     "schema": "tables of TOML files",
@@ -58,6 +59,7 @@ CONTENTS = {
     "errors": "error messages",
     "_jax": "JAX, loaded on first use",
     "_lazy": "modules loaded on first use",
+    "_version": "the version",
     COMPILER: "JAX to LLVM, PTX and C",
 }
 COLOURS = {  # by the uppermost package of a group of layers
@@ -68,6 +70,7 @@ COLOURS = {  # by the uppermost package of a group of layers
     "components": "#ececec",
 }
 COLUMNS = {"components": (1, 2), "specimens": (3, 2)}  # first column and number of columns, so that no arrow is hidden
+TABLE = "accessors"  # names what packages above carry out
 FOUNDATION = "schema"  # this layer and those below are used by most packages; they get no arrows
 INK, LINE, PAPER = "#222222", "#8a8a8a", "#ffffff"
 
@@ -105,7 +108,7 @@ def imports() -> set[tuple[str, str]]:
         for target in _imported(path, ("mckibben", *parts[:-1])):
             first, _, rest = target.partition(".")
             imported = rest.split(".")[0] if first == "mckibben" else first
-            if parts[0] in known and imported in known and imported != parts[0]:
+            if parts[0] in known - {TABLE} and imported in known and imported != parts[0]:
                 found.add((parts[0], imported))
     return found
 
@@ -195,7 +198,7 @@ RUN: dict[str, tuple[str, str, float, int, float]] = {
     "recordings.recording": ("recordings.recording", "Recording: channels, metadata", 2, 5, 1),
     "bench.hardware.simulated": ("bench.hardware.simulated", "assembly, engine, lanewise", 0, 6, 1),
     "bench.hardware.serial_line": ("bench.hardware.serial_line, .daq", "and other backends by entry point", 1, 6, 1),
-    "recordings.files": ("recordings.files", ".nc, .csv, .mcap, .mat, ..", 2, 6, 1),
+    "recordings.files": ("recordings.files", "formats: .nc, .csv, .mcap, ..", 2, 6, 1),
 }
 RUN_ARROWS = (
     ("experiments.read", "bench.prepare"),

@@ -720,7 +720,8 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
     "hosts": ("hosts", "Muscles with their air as parts of other programs: the distribution `mckibben-hosts`, which `mckibben.hosts` stands for.", ["mckibben_hosts.**"]),
-    "recordings": ("recordings", "Recordings and measured tables, and their file formats.", ["recordings.**"]),
+    "recordings": ("recordings", "Recordings and force maps.", ["recordings.**"]),
+    "formats": ("formats", "Files of any program as plain tables of channels.", ["formats.**"]),
     "analysis": ("analysis", "Quantities computed from laws and recordings.", ["analysis.*"]),
     "energy": (
         "Energy of cycles",

@@ -12,8 +12,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from ._lazy import lazy_submodules
-
-__version__ = "0.1.0"
+from ._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .analysis.energy.working_cycles import energy as energy
@@ -142,7 +141,7 @@ def __getattr__(name: str) -> Any:
         globals()[name] = package = registry.announced("mckibben.names", name, name, f"{__name__}.{name} needs")
         return package
     if name in ("read", "read_recording"):
-        importlib.import_module(".isolation", __name__).start()
+        importlib.import_module(".isolation", __name__).start("mckibben.formats.registry")
     module, _, attribute = _SOURCES[name].partition(":")
     value = getattr(importlib.import_module(f".{module}", __name__), attribute or name)
     globals()[name] = value

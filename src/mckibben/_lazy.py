@@ -58,11 +58,12 @@ def lazy_submodules(package: str) -> None:
 
 
 def lazy_names(package: str, sources: Mapping[str, Iterable[str]]) -> None:
-    """Let a package have public names whose modules are loaded when a name is first used.
+    """Let a package have public names whose modules are loaded when a name is first used, and list them in ``__all__``.
 
     Args:
         package: the full name of the package, ``__name__`` in its ``__init__``.
-        sources: names by the module of the package that defines them. None is the name of a module of the package.
+        sources: names by the module of the package that defines them, or of one beside it after a dot, such as
+            ``.formats.table``. None is the name of a module of the package.
     """
     room = sys.modules[package]
     places = {name: module for module, names in sources.items() for name in names}
@@ -70,8 +71,9 @@ def lazy_names(package: str, sources: Mapping[str, Iterable[str]]) -> None:
     def load(name: str) -> Any:
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
+        value = getattr(importlib.import_module(f".{places[name]}", package), name)
         setattr(room, name, value)
         return value
 
+    vars(room).setdefault("__all__", sorted(places))
     setattr(room, "__getattr__", load)  # noqa: B010  # the type of a module has no such attribute

@@ -1,38 +1,92 @@
-"""What an object of a lower package offers and a package above it carries out: found by name when it is first used.
+"""What an object offers and a room above its own carries out: one table of it, and its objects loaded when first used.
 
 A muscle has a ``plot`` and a recording an ``energy``, although `muscles` and `recordings` import neither figures nor
-analysis. Such a method names its implementation as ``"package.module:name"``, as pandas names its plotting backend.
+analysis. `PLACES` is the only table of a lower room that names upper ones, and this module the only one that the order of
+the rooms exempts. It holds what people ask of an object they have, and nothing that a room needs to compute: figures
+(``muscle.plot``), what a notebook shows of an answer, written documents, questions to a recording, and the run of a circuit.
 """
 
 from __future__ import annotations
 
 import functools
 import importlib
-from typing import Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+if TYPE_CHECKING:  # types of what a lower room offers, which its annotations take from here
+    from .analysis.energy_parts import EnergyAccount as EnergyAccount
+    from .analysis.lever import ContractionTiming as ContractionTiming
+    from .analysis.lever import LeverLoop as LeverLoop
+    from .analysis.lever import StimulatedContraction as StimulatedContraction
+    from .analysis.lever import StimulatedLoop as StimulatedLoop
+    from .analysis.loops import TensionLoop as TensionLoop
+    from .report.figures.plots import ComparisonPlots as ComparisonPlots
+    from .report.figures.plots import CyclePlots as CyclePlots
+    from .report.figures.plots import EnergyPlots as EnergyPlots
+    from .report.figures.plots import FitPlots as FitPlots
+    from .report.figures.plots import MusclePlots as MusclePlots
+    from .report.figures.plots import PosteriorPlots as PosteriorPlots
+    from .report.figures.plots import RankingPlots as RankingPlots
+    from .report.figures.plots import RecordingPlots as RecordingPlots
+    from .report.figures.plots import SizingPlots as SizingPlots
 
 T = TypeVar("T")
+FIGURES = (
+    "report.figures.plots:ComparisonPlots",
+    "report.figures.plots:CyclePlots",
+    "report.figures.plots:EnergyPlots",
+    "report.figures.plots:FitPlots",
+    "report.figures.plots:MusclePlots",
+    "report.figures.plots:PosteriorPlots",
+    "report.figures.plots:RankingPlots",
+    "report.figures.plots:RecordingPlots",
+    "report.figures.plots:SizingPlots",
+)
+PAGES = (  # of a notebook
+    "report.figures.plots:muscle_html",
+    "report.figures.plots:part_html",
+    "report.figures.plots:ranking_html",
+    "report.figures.plots:recording_html",
+)
+DOCUMENTS = (
+    "report.fit_report:write_fit_report",
+    "report.study_reports:muscle_comparison",
+    "report.study_reports:write_characterisation_report",
+)
+QUESTIONS = (  # to a recording
+    "analysis.description:describe_file",
+    "analysis.energy_accounts:energy_account",
+    "analysis.lever:contraction_timing",
+    "analysis.lever:lever_loops",
+    "analysis.lever:stimulated_contractions",
+    "analysis.lever:stimulated_loops",
+    "analysis.loops:force_map",
+    "analysis.loops:loops",
+    "analysis.segments:segments",
+)
+RUNS = ("bench.circuit_run:run_circuit",)
+PLACES = {place.partition(":")[2]: place for place in (*FIGURES, *PAGES, *DOCUMENTS, *QUESTIONS, *RUNS)}  # by name
 
 
 @functools.cache
-def implementation(place: str) -> Any:
-    """The object that a place names, its module loaded.
+def implementation(name: str) -> Any:
+    """The object that carries out what a lower room offers, its module loaded.
 
     Args:
-        place: ``"module:name"``, the module relative to the package, such as ``"report.figures.plots:MusclePlots"``.
+        name: of it in `PLACES`; a distribution beside this one may state a place, ``"module:name"``, itself.
     """
-    module, _, name = place.partition(":")
-    return getattr(importlib.import_module(f"{__package__}.{module}"), name)
+    module, _, attribute = PLACES.get(name, name).partition(":")
+    return getattr(importlib.import_module(f"{__package__}.{module}"), attribute)
 
 
 class Accessor(Generic[T]):
-    """An attribute that is an object about its owner: the class at `place`, called with the owner.
+    """An attribute that is an object about its owner: a class of `PLACES`, called with the owner.
 
     Args:
-        place: of the class, see `implementation`.
+        name: of the class, see `implementation`.
     """
 
-    def __init__(self, place: str) -> None:
-        self.place = place
+    def __init__(self, name: str) -> None:
+        self.name = name
 
     @overload
     def __get__(self, owner: None, kind: type) -> Accessor[T]: ...
@@ -42,5 +96,5 @@ class Accessor(Generic[T]):
         """The object about the owner; the accessor itself where the owner is a class."""
         if owner is None:
             return self
-        about: T = implementation(self.place)(owner)
+        about: T = implementation(self.name)(owner)
         return about

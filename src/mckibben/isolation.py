@@ -44,7 +44,7 @@ AT_ONCE = 4  # files that are read at the same time
 KEPT = 16 << 20  # a process that has read a larger file is not kept [B]
 IDLE = 120.0  # time after which a process that reads nothing ends [s]
 _ROOT = str(Path(__file__).parents[1])  # where this package is found
-_CHILD = f"import sys; sys.path.append({_ROOT!r}); from {__name__} import serve; serve()"
+_CHILD = f"import sys; sys.path.append({_ROOT!r}); from {__name__} import serve; serve(*sys.argv[1:])"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS")  # stacks of threads count as memory
 _UNITS = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12, "ki": 2.0**10, "mi": 2.0**20, "gi": 2.0**30, "ti": 2.0**40}
 _SIZE = re.compile(r"\s*(\d+\.?\d*)\s*([kmgt]i?|)b?\s*", re.I)
@@ -55,15 +55,13 @@ _WEIGHT, _TEXT_WEIGHT = 32, 12  # [B] that a number, and a letter of a cell, tak
 _KINDS = "biufcmMSU"  # of arrays that travel as bytes
 LAST_WORDS = 1 << 16  # of what a process has complained of, in which the reason of its end is looked for [B]
 _NO_MEMORY = re.compile(r"alloc|out of memory|MemoryError", re.I)  # how libraries say that they got none
-# What may come back beside JSON and arrays: module and fields, in the order of the constructor.
-_TYPES = {
-    "ForeignTable": ("recordings.formats", ("columns", "notes", "remarks", "rows", "named")),
-    "ForeignColumn": ("recordings.formats", ("label", "values", "unit", "clock", "time")),
-    "ImportResult": ("recordings.formats", ("recording", "remarks")),
-    "LogContent": ("recordings.mcap", ("recording", "whole", "remarks")),
-    "Recording": ("recordings.recording", ("time", "channels", "meta")),
-    "Channel": ("recordings.recording", ("values", "unit", "kind", "meaning")),
-}
+_carried: dict[str, type] = {}  # what may come back beside JSON and arrays, by name
+
+
+def carried(kind: type[T]) -> type[T]:
+    """Let values of a type come back from a process that reads: its constructor takes its fields in their order."""
+    _carried[kind.__name__] = kind
+    return kind
 
 
 class ReadingLimits(NamedTuple):
@@ -138,7 +136,7 @@ def small_answers(most: int) -> Iterator[None]:
 class _Reader:
     """A process that calls functions with files, one after the other."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str = "") -> None:
         import subprocess
         import tempfile
 
@@ -146,8 +144,8 @@ class _Reader:
         self.complaints = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
         # -P: not a module that lies beside somebody's data; a session of its own: Ctrl-C is for this process
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _CHILD], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.complaints,
-            env=environment, start_new_session=True, bufsize=0,
+            [sys.executable, "-P", "-c", _CHILD, module], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=self.complaints, env=environment, start_new_session=True, bufsize=0,
         )  # fmt: skip
         self.owner = os.getpid()
         with contextlib.suppress(ImportError, AttributeError, OSError):
@@ -246,18 +244,22 @@ _places = threading.BoundedSemaphore(AT_ONCE)
 inside: ReadingLimits | None = None  # of this process, where it is one that may be ended
 
 
-def start_for(words: Iterable[str]) -> None:
+def start_for(words: Iterable[str], module: str) -> None:
     """Begin a process before it is needed, while other things are being loaded, if some words name a file to parse."""
     if any(word.lower().endswith(PARSED) and os.path.isfile(word) for word in words):
-        start()
+        start(module)
 
 
-def start() -> None:
-    """Begin a process before it is needed, while other things are being loaded, where there is a processor for it."""
+def start(module: str) -> None:
+    """Begin a process before it is needed, while other things are being loaded, where there is a processor for it.
+
+    Args:
+        module: full name of the module whose functions it will call.
+    """
     with _lock:
         if not _idle and not inside and (os.cpu_count() or 1) > 1:
             with contextlib.suppress(OSError):
-                _idle.append(_Reader())
+                _idle.append(_Reader(module))
 
 
 def close() -> None:
@@ -274,7 +276,7 @@ def call_outside(function: Callable[..., T], path: Path, *arguments: Any, **opti
     """Call a function of a module with a file in a process that may be ended; at once where this is such a process.
 
     Args:
-        function: of this package; arguments and options are JSON, its result JSON, arrays, tables and recordings.
+        function: of this package; arguments and options are JSON, its result JSON, arrays, and types that are `carried`.
         path: the file.
         *arguments: further arguments.
         **options: keywords.
@@ -322,14 +324,15 @@ def _give(reader: _Reader, size: int) -> None:
 # ---- in the process
 
 
-def serve() -> None:
-    """Answer calls until nobody asks."""
+def serve(module: str = "") -> None:
+    """Answer calls until nobody asks; a module that they will need is loaded before the first one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Libraries write to standard output, too: answers have a way of their own.
     out = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
     stdin = os.fdopen(os.dup(0), "rb", buffering=0)
-    importlib.import_module(f"{__package__}.recordings.formats")
+    if module:
+        importlib.import_module(module)
     while os.name != "posix" or select.select([stdin], [], [], IDLE)[0]:
         head = stdin.read(_LENGTH.size)
         if len(head) < _LENGTH.size:
@@ -436,8 +439,8 @@ def pack(value: Any, arrays: list[np.ndarray]) -> Any:
     if isinstance(value, np.generic):
         return pack(value.item(), arrays) if value.dtype.kind in "biufU" else str(value)
     name = type(value).__name__
-    if name in _TYPES:
-        return {"$": name, "of": [pack(getattr(value, field), arrays) for field in _TYPES[name][1]]}
+    if name in _carried:
+        return {"$": name, "of": [pack(getattr(value, field), arrays) for field in value.__match_args__]}
     if isinstance(value, np.ndarray):
         return _pack_array(value, arrays)
     if isinstance(value, Mapping):
@@ -490,9 +493,7 @@ def unpack(tree: Any, arrays: Iterator[np.ndarray]) -> Any:
         cells = tree["of"] if kind == "objects" else text.decode("utf-8", "surrogatepass").split("\0")
         values[:] = list(itertools.islice(cells, values.size))
         return values.reshape(shape)
-    module, _ = _TYPES[kind]
-    made = getattr(importlib.import_module(f"{__package__}.{module}"), kind)
-    return made(*[unpack(one, arrays) for one in tree["of"]])
+    return _carried[kind](*[unpack(one, arrays) for one in tree["of"]])
 
 
 def _error(name: str, args: list[Any], state: dict[str, Any]) -> MckibbenError:

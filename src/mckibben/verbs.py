@@ -22,6 +22,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast, get_args
 
+from .accessors import PLACES
 from .answers import Answer, Caution, collect, warn
 from .errors import InputError
 from .quantities import in_si, parse, values_in_si
@@ -147,15 +148,9 @@ Label = Annotated[str, ParameterType("LABEL")]
 Sheet = Annotated[str | int, ParameterType("SHEET")]
 Topic = Annotated[str, ParameterType("TOPIC")]
 PlainNumber = Annotated[float | str, ParameterType("NUMBER")]
-READING = (
-    "columns",
-    "units",
-    "period",
-    "sheet",
-    "topic",
-    "gear_ratio",
-)  # how the file of another program is understood
-FILE = "analysis.description:describe_file"
+# How the file of another program is understood.
+READING = ("columns", "units", "period", "sheet", "topic", "gear_ratio")
+FILE = PLACES["describe_file"]
 Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, READING))]
 PATH_READING = ("columns", "units", "pressure_zero")
 MAP_READING = (*PATH_READING, "branch", "sheet", "topic", "gear_ratio")

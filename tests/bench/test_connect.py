@@ -4,8 +4,9 @@ import importlib.metadata
 
 import pytest
 
-from mckibben.bench.hardware import interface
-from mckibben.bench.hardware.interface import Hardware, HardwareRequest, check_connection, connected
+from mckibben.bench.hardware import backends
+from mckibben.bench.hardware.backends import HardwareRequest, check_connection, connected
+from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError
 
@@ -35,9 +36,9 @@ class Desk(Hardware):
 
 @pytest.fixture
 def desk(monkeypatch):
-    point = importlib.metadata.EntryPoint("desk", f"{__name__}:Desk", interface.GROUP)
+    point = importlib.metadata.EntryPoint("desk", f"{__name__}:Desk", backends.GROUP)
     monkeypatch.setattr(importlib.metadata.EntryPoint, "load", lambda self: Desk)
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point] if group == interface.GROUP else [])
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point] if group == backends.GROUP else [])
 
 
 def test_a_backend_of_another_package_is_opened_by_its_name_and_closed(desk):

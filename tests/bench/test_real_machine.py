@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from short_runs import bench, triangle
 
-from mckibben.bench.hardware.interface import connected
+from mckibben.bench.hardware.backends import connected
 from mckibben.bench.hardware.serial_line.device import About
 from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_thread
 from mckibben.bench.run import run

@@ -9,8 +9,8 @@ from screen_server import says
 from mckibben.bench.run import run
 from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.specimens import specimen
-from mckibben.studies.comparison import compare, subject
-from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, MuscleTable, column_of
+from mckibben.studies.comparison import MuscleTable, compare, subject
+from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, column_of
 from mckibben.web.pages.compare import _short
 from mckibben.web.pages.compare.drawings import exported
 

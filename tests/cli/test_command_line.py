@@ -14,6 +14,7 @@ import pytest
 
 from mckibben.bench.rig_file import rig_names
 from mckibben.cli import _values, main
+from mckibben.cli.app import table_of_commands
 from mckibben.cli.completion import SCRIPTS, candidates
 from mckibben.experiments.read import protocol_names, stimulation_protocol_names
 from mckibben.muscles.laws import LAWS
@@ -173,7 +174,7 @@ def test_a_caution_of_any_option_is_printed_and_stands_in_the_object(run):
     ],
 )
 def test_the_shell_is_offered_what_fits(line, expected):
-    assert {one.word for one in candidates(line)[1]} == expected
+    assert {one.word for one in candidates(line, table_of_commands())[1]} == expected
 
 
 def test_files_of_the_right_kind_are_offered(tmp_path, monkeypatch):
@@ -181,8 +182,8 @@ def test_files_of_the_right_kind_are_offered(tmp_path, monkeypatch):
     for name in ("a.nc", "a.toml", "a.txt"):
         (tmp_path / name).touch()
     (tmp_path / "ab").mkdir()
-    assert {one.word for one in candidates("mckibben record plot a")[1]} == {"a.nc", "ab/"}
-    assert {one.word for one in candidates("mckibben circuit run a")[1]} == {"a.toml", "ab/"}
+    assert {one.word for one in candidates("mckibben record plot a", table_of_commands())[1]} == {"a.nc", "ab/"}
+    assert {one.word for one in candidates("mckibben circuit run a", table_of_commands())[1]} == {"a.toml", "ab/"}
 
 
 @pytest.mark.usefixtures("shipped_kinds")

@@ -25,8 +25,8 @@ from mckibben.cli import _outputs, main
 from mckibben.documents import ErrorKeepingFile, write_whole
 from mckibben.engine import native  # noqa: F401 - its programs are kept where the environment variable says
 from mckibben.errors import InputError
+from mckibben.formats.live_log import LiveLog
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.recordings.live_log import LiveLog
 from mckibben.recordings.tables import write_table
 
 resource = pytest.importorskip("resource", reason="Windows has no such limit")
@@ -143,8 +143,8 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "recordings/files.py",  # the same
         "recordings/force_map.py",  # the same
         "documents.py",
-        "recordings/live_log.py",  # a log keeps what it has
-        "recordings/_exchange.py",  # called by write_whole
+        "formats/live_log.py",  # a log keeps what it has
+        "formats/exchange.py",  # called by write_whole
         "web/bench/chosen.py",  # onto a shelf, which writes whole files
         "web/pages/circuit/__init__.py",  # the same
         "web/pages/paper/jobs.py",  # into memory

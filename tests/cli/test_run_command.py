@@ -161,7 +161,7 @@ def test_what_passes_the_dry_run_can_be_run(run, tmp_path):
 def test_a_figure_that_cannot_be_drawn_hides_nothing(run, tmp_path, monkeypatch):
     from mckibben.bench import run as protocol_run
     from mckibben.errors import InputError
-    from mckibben.recordings.recording import Channel, Recording
+    from mckibben.recordings import Channel, Recording
     from mckibben.report.figures import recording_figures
 
     meta = {

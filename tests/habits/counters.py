@@ -27,6 +27,7 @@ SOURCES = {"mckibben": ROOT / "src" / "mckibben"}
 SOURCES |= {folder.name: folder for folder in sorted(ROOT.glob("packages/*/src/*")) if folder.is_dir()}
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 SMALL = 6  # lines below which the body of a helper that is called once says what its line says
+REGISTRY = "mckibben.accessors"  # what rooms above carry out: the one table that may name them
 NAMED = re.compile(r"[a-z_][\w.]*:\w+")  # "module:name" in a text
 TOLD_TO_TOOLS = re.compile(r"#\s*(noqa|type:|fmt:|pragma|ruff|mypy|!)")
 
@@ -200,7 +201,8 @@ class House:
         """Groups of modules that lead to each other by imports, deferred, for type checkers or in a text; one a line."""
         graph: dict[str, set[str]] = {module: set() for module in self.trees}
         for i in [*self.imports, *self.named_modules]:
-            graph[i.importer].add(i.imported)
+            if i.importer != REGISTRY:
+                graph[i.importer].add(i.imported)
         groups = [sorted(group) for group in strong_components(graph) if len(group) > 1]
         return [" ".join(group) for group in sorted(groups, key=len, reverse=True)]
 

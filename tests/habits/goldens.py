@@ -397,7 +397,7 @@ def files() -> Kept:
     from mckibben.assembly.circuit_file import read_circuit
     from mckibben.bench.rig_file import rig, rig_names
     from mckibben.experiments.read import protocol, protocol_names, stimulation_protocol_names
-    from mckibben.specimens.load import specimens
+    from mckibben.specimens import specimens
     from mckibben.specimens.write import specimen_toml
 
     for one in specimens():

@@ -2,6 +2,7 @@
 
 import ast
 import builtins
+import contextlib
 import functools
 import importlib
 import importlib.util
@@ -11,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ import pytest
 
 import lanewise
 import mckibben
+from mckibben import accessors
 from mckibben.errors import MissingLibraryError
 from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import Quantity, declared, to_si
@@ -237,6 +240,41 @@ def test_nothing_names_a_module_of_a_package_above_it() -> None:
         assert not [name for name in ABOVE if name in path.read_text(encoding="utf-8")], path
 
 
+def test_only_the_table_of_what_is_carried_out_above_names_a_package_above_its_own() -> None:
+    """Imports for type checkers and modules named in a text lead as far as others do, which `lint-imports` does not read."""
+    layers = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"][
+        0
+    ]["layers"]
+    height = {room: -row for row, layer in enumerate(layers) for room in layer.split(" | ")} | {"": 1, "__main__": 1}
+    house = counters.House.read("mckibben", PACKAGE)
+    upwards = []
+    for one in (*house.imports, *house.named_modules):
+        below, above = ((*name.split("."), "")[1] for name in (one.importer, one.imported))
+        if below not in ("", above) and one.importer != counters.REGISTRY:
+            upwards += [f"{one.importer} -> {one.imported}"] if height[above] >= height[below] else []
+    assert upwards == []
+
+
+def test_what_the_table_names_is_there() -> None:
+    house = counters.House.read("mckibben", PACKAGE)
+    for place in accessors.PLACES.values():
+        module, _, name = place.partition(":")
+        assert name in {getattr(node, "name", "") for node in house.trees[f"mckibben.{module}"].body}, place
+
+
+def test_no_file_leads_back_to_itself_but_through_the_dimensions_of_a_braid() -> None:
+    """A law's range follows from the braid's dimensions, and these laws are built as any other: four files, to be cut."""
+    circles = counters.House.read("mckibben", PACKAGE).circles()
+    assert [circle for circle in circles if "mckibben.muscles.sleeve" not in circle.split()] == []
+
+
+def test_every_name_that_a_room_lists_is_there() -> None:
+    for name in modules():
+        with contextlib.suppress(MissingLibraryError):
+            room = importlib.import_module(name)
+            assert [one for one in getattr(room, "__all__", ()) if not hasattr(room, one)] == [], name
+
+
 def test_importing_the_package_is_light() -> None:
     code = f"import sys, mckibben; print([m for m in {HEAVY!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=_environment())
@@ -286,7 +324,7 @@ def test_what_is_run_by_hand_imports_only_what_there_is(folder: str) -> None:
 
 
 def test_the_version_is_stated_once() -> None:
-    text = (PACKAGE / "__init__.py").read_text(encoding="utf-8")
+    text = (PACKAGE / "_version.py").read_text(encoding="utf-8")
     assert len(re.findall(r"^__version__ = ", text, flags=re.MULTILINE)) == 1
     assert re.fullmatch(r"\d+\.\d+\.\d+", mckibben.__version__)
 
@@ -300,8 +338,6 @@ def test_no_page_of_the_screen_has_the_browser_read_code_from_text() -> None:
 
 
 def test_contributing_names_every_room_and_their_order() -> None:
-    import tomllib
-
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     listed = re.findall(r"^      ([a-z_]+(?:/|\.py)) {2,}\S", text, re.M)
     there = [p.name + ("/" if p.is_dir() else "") for p in PACKAGE.iterdir() if p.is_dir() or p.suffix == ".py"]

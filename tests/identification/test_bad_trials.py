@@ -14,7 +14,7 @@ from mckibben.identification.trial import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.tubes import LinearTube
 from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
-from mckibben.recordings.recording import Channel, Recording
+from mckibben.recordings import Channel, Recording
 
 N = 20
 PERIOD = 1e-3

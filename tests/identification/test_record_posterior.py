@@ -9,13 +9,13 @@ from test_hysteresis_fit import NOISE, dahl_fit
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.estimation import Parameter
 from mckibben.identification import sampler
+from mckibben.identification.hysteresis_fit import LoopFit
 from mckibben.identification.path_record import read_path
 from mckibben.identification.record_posterior import (
     RecordPosterior,
     RecordProblem,
     _resampled,
     _weights,
-    posterior_of_loop,
     posterior_of_records,
     record_places,
 )
@@ -149,4 +149,4 @@ def test_a_fit_that_did_not_converge_has_no_posterior():
         converged, model = False, "dahl"
 
     with pytest.raises(ConvergenceError, match="did not converge, so there is nothing to sample"):
-        posterior_of_loop(Lost())  # type: ignore[arg-type]
+        LoopFit.posterior(Lost())  # type: ignore[arg-type]

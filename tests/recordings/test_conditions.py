@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.recordings.formats import part_options, parts_of
+from mckibben.formats.registry import part_options, parts_of
 from mckibben.recordings.provenance import conditions, differing_conditions, told_apart
 
 

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from test_recording import assert_same, recordings, some
 
 from mckibben.errors import InputError
-from mckibben.recordings import Channel, Recording, _sidecar, _store, convert, metadata, read_any, write
-from mckibben.recordings._sidecar import KEY
-from mckibben.recordings.formats import readable, writable
-from mckibben.recordings.text import plain_names
+from mckibben.formats import sidecar, store
+from mckibben.formats.registry import readable, writable
+from mckibben.formats.sidecar import KEY
+from mckibben.formats.text import plain_names
+from mckibben.recordings import Channel, Recording, convert, read_any, write
 
 TIME = 1e-3 * np.arange(50)
 PRESSURE = 2.0 + np.sin(TIME)
@@ -251,7 +252,7 @@ def test_a_period_and_chosen_columns_make_a_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", writable())
 def test_a_file_of_a_newer_version_is_refused_in_one_line(tmp_path: Path, suffix: str, monkeypatch) -> None:
-    for module in (metadata, _sidecar, _store):
+    for module in (sidecar, store):
         monkeypatch.setattr(module, "SCHEMA", 2)
     write(some(), tmp_path / f"new{suffix}")
     monkeypatch.undo()
@@ -375,7 +376,7 @@ def test_places_that_cannot_be_written_are_refused_before_anything_is_read(tmp_p
 
 
 def test_a_matlab_file_too_long_for_its_version_is_refused(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("mckibben.recordings._exchange._LARGEST", 79)
+    monkeypatch.setattr("mckibben.formats.exchange._LARGEST", 79)
     with pytest.raises(InputError, match="take netCDF"):
         write(some(10), tmp_path / "a.mat")
     assert not list(tmp_path.iterdir())

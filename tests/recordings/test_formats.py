@@ -5,8 +5,8 @@ import pytest
 
 from mckibben import registry
 from mckibben.errors import InputError
+from mckibben.formats.table import FileFormat, ForeignColumn, ForeignTable
 from mckibben.recordings import read_any, read_force_map, write
-from mckibben.recordings.formats import FileFormat, ForeignColumn, ForeignTable
 
 
 def read_pairs(path):

@@ -20,10 +20,11 @@ import mckibben as mk
 from mckibben import isolation
 from mckibben.documents import parse_json, parse_toml
 from mckibben.errors import InputError
+from mckibben.formats.registry import BUILT_IN, PLAIN_TEXT
+from mckibben.formats.sidecar import unreadable
+from mckibben.formats.table import ForeignColumn, ForeignTable
+from mckibben.formats.text import read_text_table
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.recordings._sidecar import unreadable
-from mckibben.recordings.formats import BUILT_IN, PLAIN_TEXT, ForeignColumn, ForeignTable
-from mckibben.recordings.text import read_text_table
 
 spec = importlib.util.spec_from_file_location(
     "hostile_files", Path(__file__).parents[2] / "benchmarks/hostile_files.py"

@@ -15,7 +15,7 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, LiveLog, Recording, read_recording
-from mckibben.recordings.mcap import read_log
+from mckibben.recordings.files import read_log
 
 CHANNELS = {
     "muscle.tension": Channel([], "N", "measured", "behind the filter"),

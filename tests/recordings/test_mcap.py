@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from mckibben.errors import InputError
+from mckibben.formats.live_log import HEAD
+from mckibben.formats.mcap import write_log
+from mckibben.formats.mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
 from mckibben.recordings import Channel, LiveLog, Recording, read_any
-from mckibben.recordings._mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
-from mckibben.recordings.live_log import HEAD
-from mckibben.recordings.mcap import read_log, write_log
+from mckibben.recordings.files import read_log
 
 N = 200
 CHANNELS = {"a": Channel([], "N", "measured", "left"), "b_abs": Channel([], "Pa", "true")}
@@ -186,7 +187,7 @@ def read_bytes_slowly(data: bytes):
 
 
 def test_a_log_of_a_newer_version_is_refused(monkeypatch) -> None:
-    monkeypatch.setattr("mckibben.recordings._sidecar.SCHEMA", 2)
+    monkeypatch.setattr("mckibben.formats.sidecar.SCHEMA", 2)
     data = log_bytes()
     monkeypatch.undo()
     with tempfile.NamedTemporaryFile(suffix=".mcap") as file:

@@ -13,10 +13,10 @@ import xarray
 import mckibben
 from mckibben import isolation
 from mckibben.errors import InputError
-from mckibben.recordings import _hdf5, read_recording
-from mckibben.recordings._exchange import read_matlab
-from mckibben.recordings._store import BROKEN_SEAL
-from mckibben.recordings.recording import Channel, Recording
+from mckibben.formats import store
+from mckibben.formats.exchange import read_matlab
+from mckibben.formats.store import BROKEN_SEAL
+from mckibben.recordings import Channel, Recording, read_recording
 
 TIME = np.arange(500) * 1e-3
 RECORDING = Recording(
@@ -46,15 +46,15 @@ def archive(tmp_path):
 
 
 def test_a_sealed_archive_is_read_by_other_programs_too(archive):
-    assert _hdf5.sealed(archive) is True
+    assert store.sealed(archive) is True
     assert read_recording(archive) == RECORDING
     assert xarray.open_dataset(archive, engine="h5netcdf").sizes["time"] == len(RECORDING)
 
 
 def test_without_its_seal_it_is_read_the_same(archive):
     data = archive.read_bytes()
-    archive.write_bytes(data[: -len(_hdf5.SEAL) - _hdf5.SEAL_DIGEST])
-    assert _hdf5.sealed(archive) is None
+    archive.write_bytes(data[: -len(store.SEAL) - store.SEAL_DIGEST])
+    assert store.sealed(archive) is None
     assert read_recording(archive) == RECORDING
 
 
@@ -69,19 +69,19 @@ def test_a_changed_archive_says_that_it_was_changed(archive):
 
 def test_a_seal_is_whole_for_the_bytes_that_it_was_put_on_and_for_no_others(archive):
     data = archive.read_bytes()
-    body, end = len(data) - len(_hdf5.SEAL) - _hdf5.SEAL_DIGEST, len(_hdf5.SEAL)
+    body, end = len(data) - len(store.SEAL) - store.SEAL_DIGEST, len(store.SEAL)
     for place in (0, body // 2, body - 1, len(data) - 1, body + end):  # of the content, and of the digest
         changed = bytearray(data)
         changed[place] ^= 0x80
         archive.write_bytes(changed)
-        assert _hdf5.sealed(archive) is False, place
+        assert store.sealed(archive) is False, place
     for other, known in (
         (data[:body], None), (data + b"\0", None), (data[1:], False), (b"\0" + data, False), (b"", None),
         (data[body:], False),
         (data[: body - 1] + data[body:], False), (data, True),
     ):  # fmt: skip
         archive.write_bytes(other)
-        assert _hdf5.sealed(archive) is known
+        assert store.sealed(archive) is known
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -92,7 +92,7 @@ def test_bytes_changed_at_random_never_crash_or_hang(archive, seed):
         data[rng.randrange(len(data) if seed % 2 else 2000)] = rng.randrange(256)
     archive.write_bytes(data)
     try:
-        assert BROKEN_SEAL in read_recording(archive).meta["warnings"] or _hdf5.sealed(archive) is None
+        assert BROKEN_SEAL in read_recording(archive).meta["warnings"] or store.sealed(archive) is None
     except InputError as error:
         assert "r.nc" in str(error) and "\n" not in str(error)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
+from mckibben.formats.text import with_points
 from mckibben.recordings import Channel, Recording, read_force_map, read_recording
 from mckibben.recordings.force_map import preview_table, stated_unit
 from mckibben.recordings.recording import notes_of
-from mckibben.recordings.text import with_points
 
 LENGTH = np.array([250.0, 250.0, 280.0, 280.0])  # [mm]
 PRESSURE = np.array([100.0, 300.0, 100.0, 300.0])  # [kPa]

@@ -12,15 +12,6 @@ if TYPE_CHECKING:
     from .lever_answers import contraction as contraction
     from .lever_answers import work_loops as work_loops
 
-__all__ = [
-    "channel_response",
-    "contraction",
-    "describe_file",
-    "describe_recording",
-    "energy_account",
-    "work_loops",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

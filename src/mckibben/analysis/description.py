@@ -15,7 +15,7 @@ from ..documents import JsonValue
 from ..experiments.waveforms import time_words
 from ..quantities import from_si, shown_unit
 from ..recordings.files import path_of
-from ..recordings.metadata import MACHINE
+from ..recordings.provenance import MACHINE
 from .segments import steps_of, varied
 
 SENTENCE = 280  # characters of a protocol's sentence that a person is shown

@@ -17,7 +17,7 @@ from ..extras import library
 if TYPE_CHECKING:
     import pandas
 
-    from ..report.figures.plots import EnergyPlots
+    from ..accessors import EnergyPlots
 
 MEANINGS = {
     "supply": "exergy of the air that was drawn",
@@ -162,7 +162,7 @@ class EnergyAccount(Answer):
     cautions: tuple[Caution, ...] = ()
 
     units: ClassVar[Mapping[str, str]] = {"energy": "J"}
-    plot: ClassVar[Accessor[EnergyPlots]] = Accessor("report.figures.plots:EnergyPlots")
+    plot: ClassVar[Accessor[EnergyPlots]] = Accessor("EnergyPlots")
 
     def __repr__(self) -> str:
         supply, work = (sum(p.value for p in self.parts if p.name == name) for name in ("supply", "shaft_work"))

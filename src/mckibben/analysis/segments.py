@@ -16,9 +16,9 @@ import numpy as np
 
 from ..documents import JsonValue
 from ..errors import InputError, choice
+from ..formats.table import si_of
 from ..quantities import to_si
 from ..recordings import Recording
-from ..recordings.recording import si_of
 
 # Amounts that differ by less are the same: the way through a unit leaves some rounding.
 _ROUNDING = 1e-9

@@ -13,15 +13,6 @@ if TYPE_CHECKING:
     from .loads import PlateLoad as PlateLoad
     from .machine import Machine as Machine
 
-__all__ = [
-    "AirLine",
-    "Machine",
-    "PlateLoad",
-    "read_circuit",
-    "several",
-    "unit_from_specimen",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

@@ -54,10 +54,11 @@ from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import Reservoir
 from ..quantities import Quantity, named_values, parse
+from ..recordings.files import read_points
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
 from ..specimens import Specimen, specimen
-from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length, read_points
+from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 
 if TYPE_CHECKING:
     from ..recordings import Recording
@@ -199,7 +200,7 @@ class CircuitPlan:
         Raises:
             ConvergenceError: the integration stopped; says why and when.
         """
-        recording: Recording = implementation("bench.circuit_run:run_circuit")(self, progress=progress)
+        recording: Recording = implementation("run_circuit")(self, progress=progress)
         return recording
 
     def __repr__(self) -> str:

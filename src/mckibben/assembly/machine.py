@@ -10,7 +10,7 @@ import numpy as np
 
 from .._jax import Tree, jnp
 from ..components import Environment, Scalar
-from ..components.system import Exchange, IndependentPart, Moment, System
+from ..components.system import Exchange, IndependentPart, Moment
 from ..engine.native import call_compiled
 from ..engine.signals import Value
 from ..errors import InputError
@@ -19,24 +19,19 @@ from ..pneumatics.circuit import Circuit, exergies
 from ..pneumatics.volume import MovingVolume
 from .loads import Load, SpanState
 from .loads.load import mode_bound
-from .machine_array import ALONE, MachineCoupling, at_rest, find_coupling
+from .machine_array import ALONE, JoinedParts, MachineCoupling, at_rest, find_coupling
 from .muscle_unit import BraidMotion, MusclePath, MuscleUnit, braid_tension
 
 MANY = 8  # muscles from which on independent ones are integrated side by side, each by the same compiled step
 MANY_COUPLED = 16  # muscles from which on those that share a tank or a load are evaluated as arrays
 
 
-class Machine(System):
+class Machine(JoinedParts):
     """Muscles, circuit and load as one state equation; create it by `Machine.of`, which checks that its parts fit.
 
     The circuit's node of a muscle has the muscle's name; its volume is that of the muscle's own law, and its length, the
     signal ``<muscle>.length``, comes from the state here. All other inputs are signals by name.
     """
-
-    circuit: Circuit
-    units: dict[str, MuscleUnit]
-    load: Load
-    environment: Environment
 
     @classmethod
     def of(

@@ -8,8 +8,9 @@ what flows into the shared chambers, and what the muscles do to the load, is add
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,13 +23,39 @@ from ..engine.signals import Signal, Value
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import Chamber, Inflow, Junction
 from ..quantities import quantity
-from .loads import Load
-
-if TYPE_CHECKING:
-    from .machine import Machine
+from .loads import Load, SpanState
+from .muscle_unit import MuscleUnit
 
 ALONE = "muscle"  # name of the muscle of a cell
 JUNCTION = Junction()
+
+
+class JoinedParts(System):
+    """Muscles, circuit and load as they are cut into cells; see `Machine`, which is their state equation."""
+
+    circuit: Circuit
+    units: dict[str, MuscleUnit]
+    load: Load
+    environment: Environment
+
+    @property
+    @abc.abstractmethod
+    def joined(self) -> Circuit:
+        """The circuit with the muscles' present laws in their nodes."""
+
+    @abc.abstractmethod
+    def with_lengths(self, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Value]:
+        """Inputs, with the lengths of the muscles that the circuit needs."""
+
+    @abc.abstractmethod
+    def pulls(
+        self, state: Tree, memory: Tree, inputs: Mapping[str, Value]
+    ) -> tuple[dict[str, SpanState], dict[str, Scalar], dict[str, Scalar]]:
+        """Spans, tensions at the muscles, and tensions at the load."""
+
+    @abc.abstractmethod
+    def at_rest(self, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
+        """State and memory at rest, without checks, so that all of it may be traced."""
 
 
 class LineVolume(FlowElement):
@@ -82,7 +109,7 @@ class MachineArray(System):
     circuit: Circuit
     load: Load  # with the muscles of `Load.collected`
     environment: Environment
-    groups: tuple[Machine, ...] = ()
+    groups: tuple[JoinedParts, ...] = ()
     # 1 for each cell, 0 for those that only fill the array; (n,) for each group.
     weights: tuple[Scalar, ...] = ()
     # By leaf of each group, whether it differs from cell to cell.
@@ -94,7 +121,7 @@ class MachineArray(System):
         """Evaluate a function of (cell, *trees) for each cell of a group, and add up its second result."""
         flags = [*self.varied[g], True, *(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(trees))]
 
-        def one(cell: Machine, weight: Any, *own: Any) -> tuple[Tree, Tree]:
+        def one(cell: JoinedParts, weight: Any, *own: Any) -> tuple[Tree, Tree]:
             result, share = function(cell, *own)
             return result, jax.tree.map(lambda x: weight * x, share)
 
@@ -106,7 +133,7 @@ class MachineArray(System):
         volumes: dict[str, Any] = {}
         for g in range(len(self.groups)):
 
-            def added(cell: Machine) -> tuple[Any, Any]:
+            def added(cell: JoinedParts) -> tuple[Any, Any]:
                 nodes = cell.circuit.nodes
                 return (), {n: cell.circuit.inner_volume(n) for n, node in nodes.items() if isinstance(node, Junction)}
 
@@ -133,7 +160,7 @@ class MachineArray(System):
         rates = []
         for g, (own, own_inputs) in enumerate(self._cells(state, inputs, circuit)):
 
-            def one(cell: Machine, at: Any, kept: Any, now: Any) -> tuple[Any, Any]:
+            def one(cell: JoinedParts, at: Any, kept: Any, now: Any) -> tuple[Any, Any]:
                 rate = cell.rate(at, kept, now)
                 flows = cell.joined.junction_inflows(at["circuit"], kept["circuit"], cell.with_lengths(at, kept, now))
                 share = flows, _effort(cell, at, kept, now)
@@ -162,7 +189,7 @@ class MachineArray(System):
         groups = []
         for g, (first, last) in enumerate(zip(before, after, strict=True)):
 
-            def one(cell: Machine, kept: Any, first: Any, last: Any, time: Any) -> tuple[Any, Any]:
+            def one(cell: JoinedParts, kept: Any, first: Any, last: Any, time: Any) -> tuple[Any, Any]:
                 return cell.advance_memory(kept, Moment(*first), Moment(*last), time), ()
 
             groups.append(self._each(g, one, memory["groups"][g], first, last, duration)[0])
@@ -190,7 +217,7 @@ class MachineArray(System):
         effort: dict[str, Any] = {}
         for g, (own, own_inputs) in enumerate(self._cells(state, inputs, circuit)):
 
-            def one(cell: Machine, at: Any, kept: Any, now: Any) -> tuple[Any, Any]:
+            def one(cell: JoinedParts, at: Any, kept: Any, now: Any) -> tuple[Any, Any]:
                 return cell.outputs(at, kept, now), _effort(cell, at, kept, now)
 
             values, pull = self._each(g, one, own, memory["groups"][g], own_inputs)
@@ -211,7 +238,7 @@ def _line_volume(node: str) -> str:
     return f"{node}.lines"
 
 
-def _effort(cell: Machine, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
+def _effort(cell: JoinedParts, state: Tree, memory: Tree, inputs: Mapping[str, Value]) -> dict[str, Scalar]:
     return cell.load.effort(state["load"], cell.pulls(state, memory, inputs)[2])
 
 
@@ -242,7 +269,7 @@ class MachineCoupling(Coupling):
         return [self._cell(system, muscle, cell, state, memory, signals) for muscle, cell in self._cells.items()]
 
     def _cell(
-        self, machine: Machine, muscle: str, cell: Cell, state: Tree, memory: Tree, signals: Mapping[str, Tree]
+        self, machine: JoinedParts, muscle: str, cell: Cell, state: Tree, memory: Tree, signals: Mapping[str, Tree]
     ) -> IndependentPart:
         circuit, room = machine.circuit, machine.environment
         renamed = {old: new for new, old in cell.signals.items()} | {f"{muscle}.length": f"{ALONE}.length"}
@@ -281,7 +308,7 @@ class MachineCoupling(Coupling):
             own,
         )
 
-    def _shared(self, machine: Machine) -> Circuit:
+    def _shared(self, machine: JoinedParts) -> Circuit:
         circuit = machine.circuit
         return Circuit(
             {name: circuit.nodes[name] for name in self._nodes},
@@ -292,7 +319,7 @@ class MachineCoupling(Coupling):
 
     def core(self, system: Tree, state: Tree, memory: Tree, signals: Mapping[str, Tree]) -> IndependentPart:
         """The shared circuit and the load."""
-        machine: Machine = system
+        machine: JoinedParts = system
         shared, load = self._shared(machine), machine.load.collected()
         assert load is not None
         names = {*self._nodes, *self._elements}
@@ -310,7 +337,7 @@ class MachineCoupling(Coupling):
         )
 
     def at_rest(
-        self, machine: Machine, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]
+        self, machine: JoinedParts, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]
     ) -> tuple[dict[str, Tree], dict[str, Tree]]:
         """State and memory of the machine at rest, see `Machine.at_rest`: cell by cell, by one compiled program."""
         room = machine.environment.temperature
@@ -350,7 +377,7 @@ class MachineCoupling(Coupling):
         return made
 
 
-def at_rest(machine: Machine, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
+def at_rest(machine: JoinedParts, pressures: Mapping[str, Scalar], inputs: Mapping[str, Value]) -> tuple[Tree, Tree]:
     """`Machine.at_rest`, to be compiled."""
     return machine.at_rest(pressures, inputs)
 
@@ -362,7 +389,7 @@ def _circuit_at_rest(
     return state, circuit.initial_memory(state, inputs)
 
 
-def find_coupling(machine: Machine) -> MachineCoupling | None:
+def find_coupling(machine: JoinedParts) -> MachineCoupling | None:
     """Cut a machine into cells; None if muscles are joined by more than chambers between them and the load."""
     circuit, chambers = machine.circuit, set(machine.circuit.chambers)
     if any(machine.load.one_of(name, ALONE) is None for name in machine.units) or machine.load.collected() is None:
@@ -412,7 +439,7 @@ def _components(circuit: Circuit, joined: Mapping[str, list[str]], nodes: frozen
     return components
 
 
-def _cell(machine: Machine, joined: Mapping[str, list[str]], muscle: str, private: Mapping[str, str]) -> Cell:
+def _cell(machine: JoinedParts, joined: Mapping[str, list[str]], muscle: str, private: Mapping[str, str]) -> Cell:
     """Name the parts of a cell: by their names without the muscle's, or else by their order along its lines."""
     circuit = machine.circuit
     elements: dict[str, str] = {}

@@ -49,14 +49,13 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar
-from ..bench.prepare import read_protocol
 from ..bench.rig_file import rig as rig_of
 from ..bench.segment import CHUNK
 from ..documents import JsonValue, read_toml
 from ..engine import STEP
 from ..engine.native import ENGINES
 from ..errors import InputError
-from ..experiments.read import shipped, with_values
+from ..experiments.read import read_protocol, shipped, with_values
 from ..muscles.law import TensionLaw
 from ..schema import FileTable, Place, entry, named, nested, number, read_part, read_table, shown, verbatim, whole, word
 from ..specimens import muscle_specimen

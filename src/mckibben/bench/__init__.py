@@ -14,17 +14,6 @@ if TYPE_CHECKING:
     from .sensors import SENSORS as SENSORS
     from .sensors import SensorKind as SensorKind
 
-__all__ = [
-    "OpenWire",
-    "SENSORS",
-    "SegmentMachine",
-    "SensorKind",
-    "joint_stand",
-    "run_circuit",
-    "run_joint",
-    "timing_of",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

@@ -22,9 +22,9 @@ from ..muscles.plausible import reached_cautions
 from ..pneumatics.circuit import balance
 from ..pneumatics.tubes import InertialTube, LinearTube, QuadraticTube
 from ..pneumatics.volume import MovingVolume
+from ..recordings import Channel, Recording
 from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
-from ..recordings.recording import Channel, Recording
 from ..specimens import specimen
 from .channels import described
 

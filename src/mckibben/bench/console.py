@@ -15,17 +15,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from typing import Protocol as Interface
 
-from ..assembly.circuit_parts import read_points
 from ..errors import InputError, not_found, shortened
 from ..experiments.amounts import CHANNELS
 from ..experiments.dry_run import check
 from ..experiments.protocol import Protocol
-from ..experiments.read import SETTINGS, build_protocol, protocol_names, shipped, values_of, with_values
+from ..experiments.read import SETTINGS, build_protocol, protocol_names, read_protocol, shipped, values_of, with_values
 from ..quantities import parse, with_unit
 from ..recordings import write
+from ..recordings.files import read_points
 from ..recordings.recording import Recording
 from ..specimens import Specimen, specimens
-from .prepare import read_protocol
 from .protocol_run import Progress
 from .rig import Rig
 from .rig_file import rig_names

@@ -25,9 +25,9 @@ from ..engine.native import call_compiled
 from ..errors import InputError
 from ..muscles.evidence import about_laws
 from ..muscles.law import law_name
+from ..recordings import Channel, Recording
 from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
-from ..recordings.recording import Channel, Recording
 from ..specimens import Specimen, muscle_specimen
 from .channels import described
 from .hardware.computer import Timing, configure

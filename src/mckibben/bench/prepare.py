@@ -1,34 +1,23 @@
-"""Preparation of a run before anything moves: protocol, rig and muscle, the dry run, and the segments of the run.
-
-A protocol file may take a waveform from another file, whose points are included in the protocol, so that what was recorded
-with it holds all of it:
-
-    pressure = { kind = "table", file = "walk.csv", time = "t [s]", column = "p [bar]" }
-
-Files are those that `recordings.read_record` opens; a path is taken from the folder of the protocol.
-"""
+"""Preparation of a run before anything moves: protocol, rig and muscle, the dry run, and the segments of the run."""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..answers import Caution, brief, collect
 from ..assembly.build import rig_unit
-from ..assembly.circuit_parts import read_points
 from ..assembly.muscle_unit import MuscleUnit
-from ..documents import JsonValue, read_toml
+from ..documents import JsonValue
 from ..engine import STEP
 from ..errors import InputError
 from ..experiments import read
-from ..experiments.amounts import COMMANDED
 from ..experiments.dry_run import Estimate, Finding, check_plan
 from ..experiments.protocol import PlannedStep, Protocol, ProtocolPlan
 from ..muscles import Muscle
@@ -42,61 +31,6 @@ from ..specimens import Specimen, muscle_specimen
 from .rig import Rig
 from .rig_file import rig as rig_of
 from .rig_file import with_control
-
-
-def read_protocol(path: str | os.PathLike[str]) -> Protocol:
-    """Read a protocol and the waveforms that it names.
-
-    Raises:
-        InputError: names the file, the dotted path, the value and what is allowed.
-    """
-    where = os.fspath(path)
-    document = read.with_own_controllers(read_toml(path, field="protocol"), where)
-    for section in ("first", "steps", "last"):
-        if isinstance(document.get(section), list):
-            document[section] = _steps(document[section], section, where)
-    return read.build_protocol(document, where=where)
-
-
-def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
-    rows = []
-    for number, step in enumerate(steps, 1):
-        if isinstance(step, Mapping):
-            place = f"{path}.{number}"
-            step = {
-                key: _steps(value, f"{place}.{key}", where)
-                if key == "steps" and isinstance(value, list)
-                else _taken_in(value, COMMANDED[key], f"{place}.{key}", where)
-                if key in COMMANDED
-                else value
-                for key, value in step.items()
-            }
-        rows.append(step)
-    return rows
-
-
-def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:
-    """Include the points of the files that a waveform's tables name."""
-    if isinstance(value, list):
-        return [_taken_in(v, unit, field, where) for v in value]
-    if not isinstance(value, Mapping):
-        return value
-    if value.get("kind") != "table" or "file" not in value:
-        return {k: _taken_in(v, unit, f"{field}.{k}", where) for k, v in value.items()}
-    known = ("kind", "file", "time", "column", "between")
-    for key, raw in value.items():
-        if key not in known:
-            raise InputError(f"{field}.{key}", None, "a table from a file has", known=known, where=where)
-        if not isinstance(raw, str):
-            raise InputError(f"{field}.{key}", str(raw), "must be a word", where=where)
-    file = Path(where).parent / value["file"]
-    times, values = read_points(file, value.get("time"), value.get("column"), unit, field=field, where=where)
-    inside = {"kind": "table", "between": value.get("between", "straight")}
-    return inside | {
-        "times": [f"{float(t) - float(times[0])!r} s" for t in times],
-        "values": [f"{float(v)!r} {unit}" for v in values],
-    }
-
 
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
 

@@ -20,11 +20,11 @@ from ..components.paths import resolved
 from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.protocol import PlannedStep
+from ..formats.live_log import LiveLog
 from ..muscles.evidence import law_error
 from ..muscles.law import law_name
-from ..recordings.live_log import LiveLog
+from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
-from ..recordings.recording import Channel, Recording
 from . import channels
 from .hardware.computer import Timing
 from .prepare import PreparedRun

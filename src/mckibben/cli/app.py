@@ -21,7 +21,7 @@ import typer.main
 from lanewise.cache import is_private, make_private_folder
 from lanewise.errors import CacheWarning
 
-from .. import __version__
+from .._version import __version__
 from ..errors import ConvergenceError, MckibbenError, StageError
 from ..isolation import start_for
 from ..registry import CODE, FIXED, PACKAGES, announced
@@ -350,7 +350,8 @@ def _safe_children() -> Iterator[None]:
 def _execute(arguments: list[str] | None) -> Any:
     """Run a command and return its exit code."""
     words = sys.argv[1:] if arguments is None else arguments
-    start_for(word for before, word in itertools.pairwise(("", *words)) if before != "--out")
+    files = (word for before, word in itertools.pairwise(("", *words)) if before != "--out")
+    start_for(files, "mckibben.formats.registry")
     _keep_compilations()
     begin()
     try:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .. import __version__, benchmarking
+from .. import benchmarking
+from .._version import __version__
 from ..documents import write_text
 from ._outputs import OBJECT, OutputKinds, Paths
 from ._progress import progress

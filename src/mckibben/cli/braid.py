@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from .. import __version__, muscles
+from .. import muscles
+from .._version import __version__
 from ..errors import InputError
 from ..specimens import Specimen, SpecimenNumber, save_specimen
 from ._outputs import OBJECT, SPECIMEN, OutputKinds, Paths

@@ -309,8 +309,8 @@ def _source(
             "terminal", None, "is missing: nobody can be asked for the points; run it in a terminal, or with --simulate"
         )
 
-    hardware_package.interface.check_connection(wanted.machine)
-    with hardware_package.interface.connected(wanted.machine, rig, calibrating.sources.PERIOD) as hardware:
+    hardware_package.backends.check_connection(wanted.machine)
+    with hardware_package.backends.connected(wanted.machine, rig, calibrating.sources.PERIOD) as hardware:
         assert hardware is not None
         with calibrating.sources.HardwareReadings(
             hardware, rig.converters(0.0), scales=calibrating.sources.grids(rig)

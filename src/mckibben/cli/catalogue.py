@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..bench import prepare
 from ..citations import known_keys, reference
 from ..documents import JsonValue, write_text
 from ..errors import InputError
@@ -94,7 +93,7 @@ def chosen_protocol(name: str, change: list[str] | None = None) -> Protocol:
     Raises:
         InputError: names what is unknown, out of bounds or in the wrong unit.
     """
-    protocol = prepare.read_protocol(name) if name.endswith(".toml") else reading.shipped(name)
+    protocol = reading.read_protocol(name) if name.endswith(".toml") else reading.shipped(name)
     values = {
         key: reading.values_of(key, words, field=f"--set {key}")
         for key, words in pairs(change, "--set", _EXAMPLE).items()

@@ -89,7 +89,7 @@ def characterise(
     """
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
-    hardware_package.interface.check_connection(machine)
+    hardware_package.backends.check_connection(machine)
     if (muscle is None) == (machine is None):
         problem = "is missing: the muscle of the simulated rig" if muscle is None else "is of a simulated rig"
         raise InputError("--muscle", None, problem)
@@ -175,7 +175,7 @@ def _run(
 
     with (
         progress("characterising", intended.total, saved=kept, guarded=False) as bar,
-        hardware_package.interface.connected(machine, rig, period, lock_step=lock_step) as hardware,
+        hardware_package.backends.connected(machine, rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
         try:

@@ -64,6 +64,7 @@ class Completion(NamedTuple):
 
 
 def completion(
+    context: typer.Context,
     shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
     line: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Print what may follow this line instead, for the script itself.")
@@ -85,7 +86,7 @@ def completion(
         else:
             typer.echo(SCRIPTS[shell], nl=False)
         return
-    last, completions = candidates(line)
+    last, completions = candidates(line, context.find_root().command)
     if as_json:
         _terminal.print_json({"candidates": [one._asdict() for one in completions]})
         return
@@ -96,6 +97,7 @@ def completion(
 
 
 def show_help(
+    context: typer.Context,
     command: Annotated[
         list[str] | None, typer.Argument(metavar="COMMAND", help="Command, such as fit or circuit run.")
     ] = None,
@@ -104,19 +106,18 @@ def show_help(
 
     $ mckibben help circuit run
     """
-    from .app import main
-
-    main([*(command or []), "--help"])
+    program: Any = context.find_root().command
+    program.main(args=[*(command or []), "--help"], prog_name=context.find_root().info_name, standalone_mode=False)
 
 
 # ---- candidates
 
 
-def candidates(line: str) -> tuple[str, list[Completion]]:
-    """The word that is being typed at the end of a command line, and the words that it may become."""
+def candidates(line: str, program: Any) -> tuple[str, list[Completion]]:
+    """The word that is being typed at the end of a command line of a program, and the words that it may become."""
     words = _split(line)[1:] or [""]
     *before, last = words
-    command, rest = _command(before)
+    command, rest = _command(before, program)
     if hasattr(command, "commands"):
         if rest:
             return last, []
@@ -124,7 +125,7 @@ def candidates(line: str) -> tuple[str, list[Completion]]:
         known += [Completion("--help", "Show this help and exit.")]
         known += [Completion("--version", "Print the version and exit.")] if command.params else []
     elif command.words == "help":
-        group, more = _command(rest)
+        group, more = _command(rest, program)
         known = [] if more else [Completion(*one) for one in getattr(group, "commands", _NoCommands).summaries()]
     else:
         known = list(_of_command(command, rest, last))
@@ -158,11 +159,9 @@ def _split(line: str) -> list[str]:
     return [*words, current]
 
 
-def _command(words: list[str]) -> tuple[Any, list[str]]:
+def _command(words: list[str], program: Any) -> tuple[Any, list[str]]:
     """The command that words name, and the words behind its name."""
-    from .app import table_of_commands
-
-    command = table_of_commands()
+    command = program
     for i, word in enumerate(words):
         if not hasattr(command, "commands") or word not in set(command.commands):
             return command, words[i:]

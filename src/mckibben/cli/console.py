@@ -62,7 +62,7 @@ def console(
 
     $ mckibben console --muscle nylon --rig modern
     """
-    hardware_package.interface.check_connection(machine)
+    hardware_package.backends.check_connection(machine)
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
         raise InputError("--as-fast-as-it-goes", None, "is allowed only without --on: a real machine has its own time")

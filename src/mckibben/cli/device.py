@@ -150,11 +150,11 @@ def check(
         problem = "is allowed only without --simulate" if simulate else "is missing: give --on MACHINE or --simulate"
         raise InputError("--on", None, problem)
     with CHECKED.files(out) as files:
-        hardware.interface.check_connection(machine)
+        hardware.backends.check_connection(machine)
         if machine is not None and not yes:
             _ask(pressure, motor)
         with (
-            hardware.interface.connected(machine, one, period) as real,
+            hardware.backends.connected(machine, one, period) as real,
             progress("checking", 1.0, saved="The machine was vented.", guarded=False) as bar,
         ):
             checked = real or commissioning.simulated_machine(one, muscle, period=period, motor=motor, seed=seed)

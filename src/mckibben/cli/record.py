@@ -14,8 +14,7 @@ from ..analysis.loops import loop_residuals
 from ..documents import JsonValue
 from ..errors import InputError, not_found
 from ..quantities import parse
-from ..recordings import mcap
-from ..recordings.files import select_between
+from ..recordings.files import read_log, select_between
 from ..recordings.provenance import differing
 from ..report.figures import analysis_figures, recording_figures, style
 from ._outputs import FIGURE, KEPT_RECORDING, REPORT, OutputKinds, Paths, write_recording
@@ -247,7 +246,7 @@ def repair(
     if not out and beside.exists():
         raise InputError("file", str(beside), "this file exists already; choose a name with --out")
     with REPAIRED.files(out or [beside]) as files:
-        recording = mcap.read_log(log)
+        recording = read_log(log)
         files.write("recording", lambda path: write_recording(recording.recording, path))
         target = files["recording"][0]
         if as_json:

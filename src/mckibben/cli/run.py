@@ -194,7 +194,7 @@ def _check_machine(machine: str | None, log: Path | None, *, lock_step: bool) ->
         raise InputError("--log", str(log), "it is there already; a log is never written over")
     if lock_step and machine is None:
         raise InputError("--lock-step", None, "is allowed only with --on, for a simulated device")
-    hardware_package.interface.check_connection(machine)
+    hardware_package.backends.check_connection(machine)
 
 
 def _check_biological(muscle: str, **options: object) -> None:
@@ -418,7 +418,7 @@ def _recorded(
     button, period = software.interlocks.EmergencyStop(), 1.0 / bench.plan.sample_rate
     with (
         progress("running", bench.plan.duration, guarded=False) as bar,
-        hardware_package.interface.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
+        hardware_package.backends.connected(machine, bench.rig, period, lock_step=lock_step) as hardware,
         button.on_signals(),
     ):
         try:

@@ -55,12 +55,12 @@ def serve_screen(
     from ..web.server import listen, serve
     from ..web.workspace import Workspace
 
-    hardware.interface.check_connection(machine)
+    hardware.backends.check_connection(machine)
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
         first, real = chosen_rig(rig, {}, calibration), None
         if machine is not None:
             real = HardwareSpec(machine, lock_step)
-            with hardware.interface.connected(
+            with hardware.backends.connected(
                 machine, first, first.computer.period(session.interface.RATE), lock_step=lock_step
             ):
                 pass  # so is a machine that is not there, or not the rig's

@@ -66,7 +66,7 @@ def _draw_sizing(answer: Sizing, path: Path) -> None:
 
 
 def _save_sized(answer: Sizing, path: Path) -> None:
-    from .. import __version__
+    from .._version import __version__
     from ..specimens import save_specimen
 
     save_specimen(answer.to_specimen(), path, heading=f"sized by mckibben {__version__}; not measured")

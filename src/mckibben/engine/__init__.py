@@ -23,20 +23,6 @@ if TYPE_CHECKING:
     from .signals import held as held
     from .signals import ramped as ramped
 
-__all__ = [
-    "Result",
-    "Run",
-    "STEP",
-    "Signal",
-    "Value",
-    "compile_march",
-    "differentiable",
-    "fastest_rate",
-    "held",
-    "integrate",
-    "march",
-    "ramped",
-]
 lazy_names(
     __name__,
     {

@@ -14,17 +14,6 @@ if TYPE_CHECKING:
     from .read import build_protocol as build_protocol
     from .read import parse_protocol as parse_protocol
 
-__all__ = [
-    "Amount",
-    "CHANNELS",
-    "COMMANDS",
-    "Command",
-    "build_protocol",
-    "known_set_points",
-    "parse_protocol",
-    "read_amount",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

@@ -17,6 +17,13 @@ or
     tension = "$load"                  # or span, velocity: what the motor controls
     until = "span settled within 0.1 mm for 0.2 s"
     for = "5 s"                        # at most
+
+A protocol file may take a waveform from another file, whose points are included in the protocol, so that what was recorded
+with it holds all of it:
+
+    pressure = { kind = "table", file = "walk.csv", time = "t [s]", column = "p [bar]" }
+
+Files are those that `recordings.read_record` opens; a path is taken from the folder of the protocol.
 """
 
 from __future__ import annotations
@@ -26,17 +33,18 @@ import functools
 import os
 from collections.abc import Callable, Mapping
 from importlib import resources
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ..accessors import implementation
-from ..documents import JsonValue, parse_toml, path_text
+from ..documents import JsonValue, parse_toml, path_text, read_toml
 from ..errors import InputError
 from ..quantities import split_values
+from ..recordings import files
 from ..registry import with_own_references
 from ..schema import FileTable, Place, read_stated, read_table
-from .amounts import read_amount
+from .amounts import COMMANDED, read_amount
 from .commands import names_in
 from .protocol import MOST_CASES, SCHEMA, Protocol, check_options, check_values, read_values
 
@@ -55,6 +63,60 @@ def with_own_controllers(document: Mapping[str, JsonValue], where: str) -> dict[
 def parse_protocol(text: str, *, where: str) -> Protocol:
     """The protocol of a file's text; raises as `build_protocol` does."""
     return build_protocol(parse_toml(text, where=where, field="protocol"), where=where)
+
+
+def read_protocol(path: str | os.PathLike[str]) -> Protocol:
+    """Read a protocol and the waveforms that it names.
+
+    Raises:
+        InputError: names the file, the dotted path, the value and what is allowed.
+    """
+    where = os.fspath(path)
+    document = with_own_controllers(read_toml(path, field="protocol"), where)
+    for section in ("first", "steps", "last"):
+        if isinstance(document.get(section), list):
+            document[section] = _steps(document[section], section, where)
+    return build_protocol(document, where=where)
+
+
+def _steps(steps: list[Any], path: str, where: str) -> list[Any]:
+    rows = []
+    for number, step in enumerate(steps, 1):
+        if isinstance(step, Mapping):
+            place = f"{path}.{number}"
+            step = {
+                key: _steps(value, f"{place}.{key}", where)
+                if key == "steps" and isinstance(value, list)
+                else _taken_in(value, COMMANDED[key], f"{place}.{key}", where)
+                if key in COMMANDED
+                else value
+                for key, value in step.items()
+            }
+        rows.append(step)
+    return rows
+
+
+def _taken_in(value: Any, unit: str, field: str, where: str) -> Any:
+    """Include the points of the files that a waveform's tables name."""
+    if isinstance(value, list):
+        return [_taken_in(v, unit, field, where) for v in value]
+    if not isinstance(value, Mapping):
+        return value
+    if value.get("kind") != "table" or "file" not in value:
+        return {k: _taken_in(v, unit, f"{field}.{k}", where) for k, v in value.items()}
+    known = ("kind", "file", "time", "column", "between")
+    for key, raw in value.items():
+        if key not in known:
+            raise InputError(f"{field}.{key}", None, "a table from a file has", known=known, where=where)
+        if not isinstance(raw, str):
+            raise InputError(f"{field}.{key}", str(raw), "must be a word", where=where)
+    file = Path(where).parent / value["file"]
+    times, values = files.read_points(file, value.get("time"), value.get("column"), unit, field=field, where=where)
+    inside = {"kind": "table", "between": value.get("between", "straight")}
+    return inside | {
+        "times": [f"{float(t) - float(times[0])!r} s" for t in times],
+        "values": [f"{float(v)!r} {unit}" for v in values],
+    }
 
 
 def build_protocol(document: Mapping[str, JsonValue], *, where: str) -> Protocol:
@@ -216,7 +278,7 @@ def named_protocol(name: Protocol | str | os.PathLike[str], values: Mapping[str,
     else:
         path = path_text(name, "protocol")
         is_file = path.lower().endswith(".toml") or os.sep in path
-        base = implementation("bench.prepare:read_protocol")(path) if is_file else shipped(path)
+        base = read_protocol(path) if is_file else shipped(path)
     return with_values(base, in_words(base, values)) if values else base
 
 

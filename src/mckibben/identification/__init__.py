@@ -9,7 +9,6 @@ from ..estimation import Estimate
 from .fit import (
     SCHEMES,
     Fit,
-    LengthError,
     bound_of,
     checked_length_error,
     degenerate_words,
@@ -18,6 +17,7 @@ from .fit import (
     rank,
 )
 from .posterior import MapSensors, Posterior, read_posterior
+from .problem import LengthError
 from .ranking import Ranking, fit, load_table
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,11 +29,9 @@ from ..estimation import (
     widening,
 )
 from ..quantities import Quantity
+from .record_posterior import RecordPosterior, RecordProblem, check_converged, posterior_of_records
 from .sampler import HostModel
 from .trial import Trial, expand
-
-if TYPE_CHECKING:
-    from .record_posterior import RecordPosterior, RecordProblem
 
 DELAY = Quantity("s", (0.0, 1.0), "delay of the signal", "", (1e-4, 2e-2))
 
@@ -226,8 +224,6 @@ class CircuitFit:
             ConvergenceError: the fit did not converge.
             MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
         """
-        from .record_posterior import check_converged, posterior_of_records
-
         check_converged(self.converged, "The fit of the circuit")
         return posterior_of_records(record_problem(self, trials, step=step), noise=noise, draws=draws, seed=seed)
 
@@ -321,8 +317,6 @@ def record_problem(fit: CircuitFit, trials: Sequence[Trial], *, step: float = ST
         trials: records to which it was fitted.
         step: step of the integration [s].
     """
-    from .record_posterior import RecordProblem
-
     values = {n: e.value for n, e in fit.parameters.items()}
     problem = CircuitProblem.of(trials, tuple(values), values, step)
     measured = np.concatenate([values for trial in trials for values in trial.measured.values()])

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,11 +36,8 @@ from ..estimation import UNDETERMINED
 from ..recordings import ForceMap
 from . import record_posterior, sampler
 from .posterior import DISCREPANCY, UNKNOWN_SENSOR, Band, map_coordinates, rests_of
-from .problem import Problem
-
-if TYPE_CHECKING:
-    from .fit import Fit
-    from .record_posterior import RecordProblem
+from .problem import FittedLaw, Problem
+from .record_posterior import RecordProblem
 
 LENGTHS = (0.15, 0.3, 0.6, 1.2)  # correlation lengths that are tried, of the ranges of contraction and pressure
 NOISES = np.geomspace(0.1, 10.0, 9)  # factors of the noise
@@ -183,7 +180,7 @@ class LawError:
     cells: tuple[_Cell, ...]
 
     @classmethod
-    def of(cls, fit: Fit) -> LawError:
+    def of(cls, fit: FittedLaw) -> LawError:
         """Weigh the sizes of noise and discrepancy by the points of a fit."""
         problem = Problem(fit.law, tuple(fit.parameters), fit.known, fit.points)
         values = np.array([e.value for e in fit.parameters.values()])

@@ -37,12 +37,22 @@ from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
 from .discrepancy import LawError
 from .posterior import MapSensors, Posterior, posterior_of_fit
-from .problem import SAME_LENGTH, CrossValidation, Problem, Solution, cross_validate, solve
+from .problem import (
+    SAME_LENGTH,
+    CrossValidation,
+    ErrorMeasures,
+    FittedLaw,
+    LengthError,
+    Problem,
+    Solution,
+    cross_validate,
+    solve,
+)
+from .shared_hysteresis import SharedHysteresis, Source, fit_shared_hysteresis
 
 if TYPE_CHECKING:
+    from ..accessors import FitPlots
     from ..recordings import Recording
-    from ..report.figures.plots import FitPlots
-    from .shared_hysteresis import SharedHysteresis, Source
 
 SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
@@ -50,35 +60,6 @@ RESOLUTION = 1e-6
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 SIZE_UNITS = ("m", "m^2", "m^3", "rad")
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
-
-
-class ErrorMeasures:
-    """Measures of the errors of a predicted tension [N], mixed into classes that have them as `error`."""
-
-    error: np.ndarray
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square error [N]."""
-        return float(np.sqrt(np.mean(self.error**2)))
-
-    @property
-    def max_error(self) -> float:
-        """Largest error [N]."""
-        return float(np.abs(self.error).max())
-
-
-class LengthError(NamedTuple):
-    """Error of one set length of one muscle: what is added to it, with its 95 % interval [m].
-
-    `rest_length` is NaN where the table has none.
-    """
-
-    rest_length: float
-    length: float
-    added: float
-    low: float
-    high: float
 
 
 class PredictedTension(NamedTuple):
@@ -90,7 +71,7 @@ class PredictedTension(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Fit(ErrorMeasures):
+class Fit(FittedLaw):
     """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
 
     Attributes:
@@ -141,7 +122,7 @@ class Fit(ErrorMeasures):
     length_reach: tuple[float, float] = (0.0, 0.0)
     hysteresis: SharedHysteresis | None = None
 
-    plot: ClassVar[Accessor[FitPlots]] = Accessor("report.figures.plots:FitPlots")
+    plot: ClassVar[Accessor[FitPlots]] = Accessor("FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
 
     @property
@@ -216,8 +197,6 @@ class Fit(ErrorMeasures):
             InputError: a recording lacks a channel, or is of a muscle or of lengths that the table does not have.
             ConvergenceError: the fit of the law did not converge.
         """
-        from .shared_hysteresis import fit_shared_hysteresis
-
         if not self.converged:
             raise ConvergenceError(f"{self.law}: the fit did not converge, so that friction has no law to stand on")
         return replace(self, hysteresis=fit_shared_hysteresis(self, recordings, progress=progress))

@@ -32,13 +32,13 @@ from ..estimation import Estimate, Estimation, Parameter, PartialFit, akaike, at
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
+from .discrepancy import RecordPrediction, predict_records
 from .path_record import PathRecord
+from .record_posterior import RecordPosterior, RecordProblem, check_converged, posterior_of_records
 from .sampler import HostModel
 
 if TYPE_CHECKING:
     from ..engine.prediction import Prediction
-    from .discrepancy import RecordPrediction
-    from .record_posterior import RecordPosterior, RecordProblem
 
 
 def _value(start: float, low: float, high: float, unit: str) -> Parameter:
@@ -107,8 +107,6 @@ class LoopFit(PartialFit):
 
     def problem(self) -> RecordProblem:
         """What was fitted, for a posterior: parameters at their fitted values, and the prediction of the stroke."""
-        from .record_posterior import RecordProblem
-
         # NaN frees what is zero by default, such as creep
         known = self.known | dict.fromkeys(self.parameters, float("nan"))
         free, fixed = _parameters(self.record, self.train, self.model, self.muscle, known, self.knots)
@@ -126,10 +124,19 @@ class LoopFit(PartialFit):
         )
 
     def posterior(self, *, noise: float | None = None, draws: int = 1000, seed: int = 0) -> RecordPosterior:
-        """Draw from the posterior of the parameters; see `record_posterior.posterior_of_loop`."""
-        from .record_posterior import posterior_of_loop
+        """Draw from the posterior of a friction that was fitted to a loop, and of its curve or load.
 
-        return posterior_of_loop(self, noise=noise, draws=draws, seed=seed)
+        Args:
+            noise: standard deviation of the sensor of the stroke [m]; found from the data where left out.
+            draws: count of the samples.
+            seed: same seed, same samples.
+
+        Raises:
+            ConvergenceError: the fit did not converge.
+            MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
+        """
+        check_converged(self.converged, f"The fit of {self.model} to the loop")
+        return posterior_of_records(self.problem(), noise=noise, draws=draws, seed=seed)
 
     def with_discrepancy(self, *, noise: float | None = None) -> RecordPrediction:
         """Predict the stroke by friction, creep and a discrepancy that is smooth along the loop, given the seen samples.
@@ -140,9 +147,6 @@ class LoopFit(PartialFit):
         Raises:
             ConvergenceError: the fit did not converge.
         """
-        from .discrepancy import predict_records
-        from .record_posterior import check_converged
-
         check_converged(self.converged, f"The fit of {self.model} to the loop", "to predict with")
         return predict_records(self.problem(), noise=noise)
 

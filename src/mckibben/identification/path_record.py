@@ -10,8 +10,8 @@ import numpy as np
 
 from .._jax import Scalar
 from ..errors import InputError, choice
+from ..formats.columns import column_numbers, parse_header, quantity_of, table_labels
 from ..quantities import to_si
-from ..recordings.columns import column_numbers, parse_header, quantity_of, table_labels
 from ..recordings.force_map import table_of
 
 # A reversal smaller than this share of the range is noise and no turning point.

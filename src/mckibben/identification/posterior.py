@@ -33,11 +33,10 @@ from ..muscles.laws import law_type
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from . import sampler
-from .problem import Problem, tension_at
+from .problem import FittedLaw, Problem, tension_at
 
 if TYPE_CHECKING:
-    from ..report.figures.plots import PosteriorPlots
-    from .fit import Fit
+    from ..accessors import PosteriorPlots
 
 # Scale of the prior of the discrepancy's amplitude, as a share of the largest tension.
 DISCREPANCY = 0.02
@@ -249,7 +248,7 @@ class Posterior(ParameterSamples):
     worst: str = ""
     run: np.ndarray | None = None
 
-    plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("report.figures.plots:PosteriorPlots")
+    plot: ClassVar[Accessor[PosteriorPlots]] = Accessor("PosteriorPlots")
     """Plots: called, the tension with its bands; ``plot.parameters`` the parameters by pairs."""
 
     def __repr__(self) -> str:
@@ -606,7 +605,7 @@ class Posterior(ParameterSamples):
 
 
 def posterior_of_fit(
-    fit: Fit,
+    fit: FittedLaw,
     *,
     sensors: MapSensors | None = None,
     slack: ForceMap | None = None,

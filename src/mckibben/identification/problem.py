@@ -20,6 +20,7 @@ far muscles differ, and the tails say so.
 
 from __future__ import annotations
 
+import abc
 import functools
 import math
 import re
@@ -30,9 +31,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar, jax
+from ..documents import JsonValue
 from ..engine.native import EngineFunction, compile_function
 from ..errors import InputError
-from ..estimation import Descent, Parameter, bounds_of, descend
+from ..estimation import Descent, Estimate, Parameter, bounds_of, descend
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
@@ -43,10 +45,8 @@ Formula = Callable[..., np.ndarray]
 # Independent points along a curve of tension over pressure at one length, of as many as were measured.
 CURVE_POINTS = 3.0
 FIRST_NOISE, LEAST_NOISE, PASSES = 0.01, 0.002, 3  # noise as a share of the largest tension; descents that estimate it
-USUAL_LENGTH, OTHER_SIZE = (
-    0.3,
-    2.0,
-)  # longest length of usual muscles [m], and from which ratio to it one is of another size
+# Longest length of usual muscles [m], and from which ratio to it one is of another size.
+USUAL_LENGTH, OTHER_SIZE = 0.3, 2.0
 SAME_LENGTH = 1e-6  # rest lengths that differ by no more are one [m]
 LENGTH_STEP = 1e-6  # of the difference by which a tension is derived to the length [m]
 LEVELS = np.geomspace(0.02, 20.0, 25)  # of both deviations, in stated errors
@@ -650,3 +650,48 @@ def _binned(values: np.ndarray, bins: int) -> np.ndarray:
     """Group numbers of equal-sized bins; equal values share a bin."""
     edges = np.quantile(values, np.linspace(0.0, 1.0, bins + 1)[1:-1])
     return np.unique(np.searchsorted(edges, values, side="left"), return_inverse=True)[1]
+
+
+class ErrorMeasures:
+    """Measures of the errors of a predicted tension [N], mixed into classes that have them as `error`."""
+
+    error: np.ndarray
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square error [N]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [N]."""
+        return float(np.abs(self.error).max())
+
+
+class LengthError(NamedTuple):
+    """Error of one set length of one muscle: what is added to it, with its 95 % interval [m].
+
+    `rest_length` is NaN where the table has none.
+    """
+
+    rest_length: float
+    length: float
+    added: float
+    low: float
+    high: float
+
+
+class FittedLaw(ErrorMeasures, abc.ABC):
+    """A law with the numbers that a fit found, see `Fit`: from which its posterior, its errors and its friction follow."""
+
+    law: str
+    parameters: dict[str, Estimate]
+    known: dict[str, Any]
+    points: ForceMap
+    converged: bool
+    not_contained: tuple[str, ...]
+    length_errors: tuple[LengthError, ...]
+
+    @abc.abstractmethod
+    def build(self, **changes: JsonValue) -> TensionLaw:
+        """The law with these numbers; `changes` replace parameters."""

@@ -34,8 +34,8 @@ from .fit import fit as fit_law
 if TYPE_CHECKING:
     import pandas
 
+    from ..accessors import RankingPlots
     from ..recordings import Recording
-    from ..report.figures.plots import RankingPlots
     from .shared_hysteresis import Source
 
 MeasuredTable = ForceMap | str | os.PathLike[str]
@@ -104,7 +104,7 @@ class Ranking(Answer):
     cautions: tuple[Caution, ...] = ()
 
     units: ClassVar[Mapping[str, str]] = {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"}
-    plot: ClassVar[Accessor[RankingPlots]] = Accessor("report.figures.plots:RankingPlots")
+    plot: ClassVar[Accessor[RankingPlots]] = Accessor("RankingPlots")
 
     @property
     def best(self) -> Fit:
@@ -247,7 +247,7 @@ class Ranking(Answer):
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.fit_report:write_fit_report")([self], Path(path)))
+        return Path(implementation("write_fit_report")([self], Path(path)))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fitted laws as a specimen, a ``.toml`` file that every command takes; returns its path.

@@ -15,7 +15,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from ..estimation import Parameters, bounds_of
 from ..quantities import with_unit
 from . import sampler
 from .posterior import Band, ParameterSamples
-
-if TYPE_CHECKING:
-    from .hysteresis_fit import LoopFit
 
 MOST = 240  # values that are compared
 LENGTHS = (0.01, 0.03, 0.1, 0.3)  # correlation lengths of the discrepancy that are tried, of the length of a record
@@ -158,26 +155,6 @@ class RecordPosterior(ParameterSamples):
         }
 
 
-def posterior_of_loop(
-    fit: LoopFit, *, noise: float | None = None, draws: int = DRAWS, warm_up: int = WARM_UP, seed: int = 0
-) -> RecordPosterior:
-    """Draw from the posterior of a friction that was fitted to a loop, and of its curve or load.
-
-    Args:
-        fit: a fit that converged.
-        noise: standard deviation of the sensor of the stroke [m]; found from the data where left out.
-        draws: count of the samples.
-        warm_up: samples of each chain that adapt the step and are left out.
-        seed: same seed, same samples.
-
-    Raises:
-        ConvergenceError: the fit did not converge.
-        MissingLibraryError: NumPyro is not installed; it comes with the extra ``posterior``.
-    """
-    check_converged(fit.converged, f"The fit of {fit.model} to the loop")
-    return posterior_of_records(fit.problem(), noise=noise, draws=draws, warm_up=warm_up, seed=seed)
-
-
 def check_converged(converged: bool, subject: str, purpose: str = "to sample") -> None:
     """Refuse to go on from a fit that did not converge; raises `ConvergenceError`."""
     if not converged:
@@ -196,7 +173,7 @@ def seen_rows(problem: RecordProblem, noise: float | None, most: int) -> np.ndar
 def posterior_of_records(
     problem: RecordProblem, *, noise: float | None, draws: int, warm_up: int = WARM_UP, seed: int
 ) -> RecordPosterior:
-    """Draw from the posterior of the parameters of a problem; see `posterior_of_loop` for the arguments."""
+    """Draw from the posterior of the parameters of a problem; see `LoopFit.posterior` for the arguments."""
     rows = seen_rows(problem, noise, MOST)
     places = record_places(problem.group)
     span = float(np.ptp(problem.measured[rows]))

@@ -28,7 +28,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from ..answers import Column, Table, brief, estimates
 from ..documents import JsonValue
 from ..errors import InputError
 from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
+from ..formats.columns import quantity_of
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, FrictionLimit
 from ..muscles.law import TensionLaw
@@ -44,13 +45,9 @@ from ..muscles.laws import law_type
 from ..muscles.laws.seated_braid import SeatedLaw
 from ..quantities import declared, with_unit
 from ..recordings import Recording
-from ..recordings.columns import quantity_of
 from ..recordings.files import understand
 from ..specimens import SpecimenNumber
-from .problem import SAME_LENGTH
-
-if TYPE_CHECKING:
-    from .fit import Fit
+from .problem import SAME_LENGTH, FittedLaw
 
 Source = Recording | str | os.PathLike[str]
 
@@ -463,7 +460,7 @@ class SharedHysteresis:
 
 
 def fit_shared_hysteresis(
-    fit: Fit,
+    fit: FittedLaw,
     recordings: Mapping[str, Recording] | Iterable[Source] | Source,
     *,
     progress: Callable[[str], None] | None = None,
@@ -685,12 +682,12 @@ class _Motion(NamedTuple):
     slopes: np.ndarray
 
 
-def _muscles(fit: Fit) -> list[float]:
+def _muscles(fit: FittedLaw) -> list[float]:
     rest = fit.points.rest_length
     return [] if rest is None else [float(r) for r in np.unique(np.round(rest, 9))]
 
 
-def _motions(fit: Fit, recording: Recording, name: str) -> list[_Motion]:
+def _motions(fit: FittedLaw, recording: Recording, name: str) -> list[_Motion]:
     """The pieces of a recording between its gaps, on the paths of their braid."""
     length, pressure, tension = (
         _channel(recording, quantity, unit, name)
@@ -725,7 +722,7 @@ def _motions(fit: Fit, recording: Recording, name: str) -> list[_Motion]:
     return pieces
 
 
-def _slopes(fit: Fit, law: TensionLaw, rest: float | None, length: np.ndarray, path: BraidPath) -> np.ndarray:
+def _slopes(fit: FittedLaw, law: TensionLaw, rest: float | None, length: np.ndarray, path: BraidPath) -> np.ndarray:
     """What errors of the fitted parameters and of the length do to the tension of the law (n, k), each to its largest."""
     columns = [np.asarray(law.tension(length + LENGTH_STEP, path.pressure)) - path.tension]
     bounds = declared(law_type(fit.law))

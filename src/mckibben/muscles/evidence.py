@@ -23,7 +23,7 @@ from ..documents import JsonValue
 from ..errors import InputError, NoVolumeError
 from ..quantities import declared, with_unit
 from ..specimens import Specimen
-from ..specimens.load import KNOWN_ERRORS
+from ..specimens.model import KNOWN_ERRORS
 from .braid import SHORTEST_SHARE, braid_of
 from .law import TensionLaw, law_name
 

@@ -28,7 +28,7 @@ from .law import LawState, TensionLaw, law_name
 from .plausible import free_length_caution, length_caution, measured_length_caution, pressure_caution, stretch_caution
 
 if TYPE_CHECKING:
-    from ..report.figures.plots import MusclePlots
+    from ..accessors import MusclePlots
 
 Quantity = ArrayLike | str  # an SI number, an array of them, or text with a unit
 
@@ -69,7 +69,7 @@ class Muscle(Module):
     specimen: Specimen | None = field(static=True, default=None)
     stated: tuple[str, ...] = field(static=True, default=())
 
-    plot: ClassVar[Accessor[MusclePlots]] = Accessor("report.figures.plots:MusclePlots")
+    plot: ClassVar[Accessor[MusclePlots]] = Accessor("MusclePlots")
     """Plots: ``plot.force_map``, ``plot.free_length``, ``plot.volume`` and ``plot.braid``, see `report.figures.plots`."""
 
     def __eq__(self, other: object) -> bool:
@@ -264,7 +264,7 @@ class Muscle(Module):
         return f"Muscle({name}, {' + '.join(parts)}{size})"
 
     def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:muscle_html")(self))
+        return str(implementation("muscle_html")(self))
 
     def length_cautions(self, lengths: ArrayLike, *, text: str | None = None) -> tuple[Caution, ...]:
         """Cautions about lengths between the anchors [m]: the longest far from its law, and those beyond the measured ones.

@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from .gas import AIR, Gas
 
 if TYPE_CHECKING:
     from .build import ELEMENTS as ELEMENTS
@@ -12,36 +11,22 @@ if TYPE_CHECKING:
     from .build import valve_from_specimen as valve_from_specimen
     from .circuit import Branch as Branch
     from .circuit import Circuit as Circuit
+    from .gas import AIR as AIR
+    from .gas import Gas as Gas
     from .orifice import Orifice as Orifice
     from .tubes import InertialTube as InertialTube
     from .tubes import LumpedTube as LumpedTube
     from .volume import MovingVolume as MovingVolume
     from .volume import Reservoir as Reservoir
 
-__all__ = [
-    "AIR",
-    "Branch",
-    "Circuit",
-    "ELEMENTS",
-    "Gas",
-    "InertialTube",
-    "LumpedTube",
-    "MovingVolume",
-    "Orifice",
-    "Reservoir",
-    "build_element",
-    "size_as",
-    "valve_from_specimen",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
-        "build": ["ELEMENTS", "build_element", "valve_from_specimen"],
+        "build": ["ELEMENTS", "build_element", "size_as", "valve_from_specimen"],
         "circuit": ["Branch", "Circuit"],
+        "gas": ["AIR", "Gas"],
         "orifice": ["Orifice"],
-        "sizes": ["size_as"],
         "tubes": ["InertialTube", "LumpedTube"],
         "volume": ["MovingVolume", "Reservoir"],
     },

@@ -1,13 +1,18 @@
-"""Recordings: measured and simulated data, their formats and storage."""
+"""Recordings and force maps, measured and simulated: read from files of any format, kept, and corrected."""
 
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
+    from ..formats.columns import COLUMNS as COLUMNS
+    from ..formats.columns import TIMES as TIMES
+    from ..formats.live_log import LiveLog as LiveLog
+    from ..formats.table import Channel as Channel
+    from ..formats.table import FileFormat as FileFormat
+    from ..formats.table import ForeignColumn as ForeignColumn
+    from ..formats.table import ForeignTable as ForeignTable
     from .calibration import saturated as saturated
-    from .columns import COLUMNS as COLUMNS
-    from .columns import TIMES as TIMES
     from .files import FileReading as FileReading
     from .files import convert as convert
     from .files import read as read
@@ -18,42 +23,14 @@ if TYPE_CHECKING:
     from .files import write as write
     from .force_map import ForceMap as ForceMap
     from .force_map import read_force_map as read_force_map
-    from .formats import FileFormat as FileFormat
-    from .formats import ForeignColumn as ForeignColumn
-    from .formats import ForeignTable as ForeignTable
-    from .live_log import LiveLog as LiveLog
-    from .recording import Channel as Channel
     from .recording import Note as Note
     from .recording import Recording as Recording
-
-__all__ = [
-    "COLUMNS",
-    "Channel",
-    "FileFormat",
-    "FileReading",
-    "ForceMap",
-    "ForeignColumn",
-    "ForeignTable",
-    "LiveLog",
-    "Note",
-    "Recording",
-    "TIMES",
-    "convert",
-    "read",
-    "read_any",
-    "read_force_map",
-    "read_record",
-    "read_recording",
-    "saturated",
-    "understand",
-    "write",
-]
 
 lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
-        "columns": ["COLUMNS", "TIMES"],
+        ".formats.columns": ["COLUMNS", "TIMES"],
         "files": [
             "FileReading",
             "convert",
@@ -65,9 +42,9 @@ lazy_names(
             "write",
         ],
         "force_map": ["ForceMap", "read_force_map"],
-        "live_log": ["LiveLog"],
-        "recording": ["Channel", "Note", "Recording"],
-        "formats": ["FileFormat", "ForeignColumn", "ForeignTable"],
+        ".formats.live_log": ["LiveLog"],
+        ".formats.table": ["Channel", "FileFormat", "ForeignColumn", "ForeignTable"],
+        "recording": ["Note", "Recording"],
         "calibration": ["saturated"],
     },
 )

@@ -33,9 +33,10 @@ from .._jax import Scalar
 from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
+from ..formats.table import Channel, is_si
 from ..quantities import Quantity
 from ..schema import FileTable, Place, read_table
-from .recording import Channel, Recording, is_si
+from .recording import Recording
 
 SCHEMA = 1
 DAY = 86400.0  # [s]

@@ -14,7 +14,8 @@
 | ``.parquet`` | of mckibben and of other programs | all | polars |
 | ``.ddf`` | of Aurora Scientific's DMC, the muscle lever | | |
 
-Further formats come from other packages: see `formats`. What the columns of a table mean is decided in `columns`.
+Further formats come from other packages: see `mckibben.formats.registry`. What the columns of a table mean is decided in
+`mckibben.formats.columns`.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from ..documents import JsonValue, write_whole
 from ..errors import InputError
-from ..quantities import in_si, named_values, with_unit
-from .columns import (
+from ..formats import mcap
+from ..formats.columns import (
     AMBIENT,
     assemble,
     channel_columns,
@@ -38,6 +41,9 @@ from .columns import (
     quantity_of,
     table_labels,
 )
+from ..formats.registry import format_of, load, writer_of
+from ..formats.table import ForeignTable, StoredRecording
+from ..quantities import in_si, named_values, with_unit
 from .force_map import (
     TEXT_QUANTITIES,
     ForceMap,
@@ -47,12 +53,25 @@ from .force_map import (
     read_force_map,
     unit_of,
 )
-from .formats import ForeignTable, ImportResult, format_of, load, writer_of
-from .mcap import read_log
 from .recording import Recording
 
 RECORDINGS = (".nc", ".csv", ".mcap")  # suffixes that `read_recording` takes
 NEEDED = ("length", "contraction", "pressure", "tension")  # of which a force map needs three
+
+
+class ImportResult(NamedTuple):
+    """A recording, and a line for each thing that was not taken over as it is."""
+
+    recording: Recording
+    remarks: list[str]
+
+
+class LogContent(NamedTuple):
+    """The content of a log: the recording, whether the log is whole, and a line for each thing that is not."""
+
+    recording: Recording
+    whole: bool
+    remarks: list[str]
 
 
 class ColumnUse(NamedTuple):
@@ -182,19 +201,17 @@ def understand(
     if not isinstance(content, ForeignTable):
         if kind == "map":
             points = read_force_map(path, **of_map)
-            return FileReading(points, title, _channel_uses(content.recording), (*content.remarks, *points.remarks), {})
+            return FileReading(points, title, _channel_uses(content), (*content.remarks, *points.remarks), {})
         for option, value in {"column": columns, "unit": units, "period": step}.items():
             if value:
                 problem = "a recording of mckibben says these itself; they are for files of others"
                 shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
                 raise InputError(option, shown, problem, where=str(path))
-        return FileReading(content.recording, title, _channel_uses(content.recording), tuple(content.remarks), {})
+        return FileReading(_recording(content), title, _channel_uses(content), tuple(content.remarks), {})
     if (kind or _kind_of(content, columns or {}, step, str(path))) == "recording":
-        result = assemble(
-            path, content, columns=columns, units=units, period=step, pressure_zero=zero, ambient=air
-        )  # fmt: skip
-        uses = _recording_uses(content, result.recording, units or {})
-        return FileReading(result.recording, title, uses, (*content.remarks, *result.remarks), content.notes)
+        stored = assemble(path, content, columns=columns, units=units, period=step, pressure_zero=zero, ambient=air)
+        uses = _recording_uses(content, stored, units or {})
+        return FileReading(_recording(stored), title, uses, (*content.remarks, *stored.remarks), content.notes)
     table = content if content.rows is not None else even_table(content, str(path))
     points = map_of_table(path, table, **of_map)
     return FileReading(points, title, _map_uses(table, columns or {}, units or {}), points.remarks, content.notes)
@@ -233,12 +250,16 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
     return "map"
 
 
-def _channel_uses(recording: Recording) -> tuple[ColumnUse, ...]:
+def _recording(stored: StoredRecording) -> Recording:
+    return Recording(stored.time, stored.channels, stored.meta)
+
+
+def _channel_uses(recording: StoredRecording) -> tuple[ColumnUse, ...]:
     channels = recording.channels.items()
     return (ColumnUse("time", "time", "s"), *(ColumnUse(name, name, channel.unit) for name, channel in channels))
 
 
-def _recording_uses(table: ForeignTable, recording: Recording, units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
+def _recording_uses(table: ForeignTable, recording: StoredRecording, units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
     source = recording.meta["source"]["columns"]
     used = {about["column"]: (name, about["unit"]) for name, about in source.items()}
     shorter = {id(column.values): column.label for column in channel_columns(table)}
@@ -289,13 +310,23 @@ def read_recording(path: str | Path | Recording) -> Recording:
     if path.suffix.lower() not in RECORDINGS:
         raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
     # A log that is damaged where it says that it is one still has its samples.
-    content = read_log(path) if path.suffix.lower() == ".mcap" else load(path)
+    content = mcap.read_log(path) if path.suffix.lower() == ".mcap" else load(path)
     if isinstance(content, ForeignTable):
         problem = (
             "this is no recording of mckibben; a table of others is converted into one first (mckibben record convert)"
         )
         raise InputError("file", path.name, problem, sentence=problem, where=str(path))
-    return content.recording
+    return _recording(content)
+
+
+def read_log(path: str | Path) -> LogContent:
+    """Read a log of a bench in whatever state it is, see `mckibben.formats.mcap.read_log`.
+
+    Raises:
+        InputError: there is no such file, no sample of it can be read, it is no log of mckibben, or of a newer version.
+    """
+    stored = mcap.read_log(path)
+    return LogContent(_recording(stored), not stored.remarks, stored.remarks)
 
 
 def path_of(source: str | Path | Recording) -> str | None:
@@ -368,12 +399,45 @@ def read_record(
     """
     path = Path(path)
     content = load(path)
-    if not isinstance(content, ForeignTable):
-        return content.recording
-    return assemble(
-        path, content, columns=columns, units=units, period=period, pressure_zero=pressure_zero, ambient=ambient,
-        required=required, strict=True,
-    ).recording  # fmt: skip
+    if isinstance(content, ForeignTable):
+        content = assemble(
+            path, content, columns=columns, units=units, period=period, pressure_zero=pressure_zero, ambient=ambient,
+            required=required, strict=True,
+        )  # fmt: skip
+    return _recording(content)
+
+
+def read_points(
+    path: Path, time: str | None, column: str | None, unit: str, *, field: str, where: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and values [unit] of one column.
+
+    Args:
+        path: a CSV file as `read_record` takes it.
+        time: header of its times; found by itself by default.
+        column: header of its values; the only other column by default.
+        unit: SI unit of the signal; a pressure is gauge.
+        field: dotted path of the signal, for error messages.
+        where: the file that names the table, for error messages.
+
+    Raises:
+        InputError: names what the table lacks.
+    """
+    columns = None if column is None else {"value": column} | ({"time": time} if time else {})
+    if column is None and time is not None:
+        raise InputError(f"{field}.column", None, "must name a column of the header, as time does", where=where)
+    record = read_record(path, columns=columns)
+    names = record.names()
+    if len(names) != 1:
+        raise InputError(
+            f"{field}.column", None, f"is missing: the table has {', '.join(names)}; name one", where=where
+        )
+    (name,) = names
+    if record.unit(name) != unit or name.endswith("_abs"):
+        column_name = f"{name} in {record.unit(name)}"
+        gauge = ", gauge" if unit == "Pa" else ""
+        raise InputError(f"{field}.column", column_name, f"the signal is in {unit}{gauge}", where=where)
+    return record.time, record[name]
 
 
 def write(recording: Recording, path: str | Path) -> list[str]:

@@ -1,7 +1,8 @@
 """Force maps: static points of length, pressure and tension, from the tables of other programs and from recordings.
 
 A column says what it holds and in which unit: ``length_mm``, ``pressure_bar_gauge``, ``force [N]``,
-``contraction_percent``, ``rest_length_mm``; `columns` has the names and the units. Everything is converted to SI here, once.
+``contraction_percent``, ``rest_length_mm``; `formats.columns` has the names and the units. Everything is converted to SI
+here, once.
 """
 
 from __future__ import annotations
@@ -18,8 +19,7 @@ import numpy as np
 from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..extras import library
-from ..quantities import to_si, with_unit
-from .columns import (
+from ..formats.columns import (
     ABSOLUTE,
     AMBIENT,
     COLUMNS,
@@ -32,8 +32,10 @@ from .columns import (
     without_blank_rows,
     without_common_prefix,
 )
-from .formats import ForeignColumn, ForeignTable, load
-from .text import plain_text
+from ..formats.registry import load
+from ..formats.table import ForeignColumn, ForeignTable
+from ..formats.text import plain_text
+from ..quantities import to_si, with_unit
 
 if TYPE_CHECKING:
     import pandas
@@ -117,7 +119,8 @@ class ForceMap:
         shared = [key for key in _ARRAYS if all(getattr(one, key) is not None for one in each)]
         columns = {key: np.concatenate([getattr(one, key) for one in each]) for key in shared}
         if len({one.name for one in each}) > 1:
-            columns["run"] = np.concatenate([_runs_by_name(one) for one in each])
+            labels = [(one.name, run) for one in each for run in ([""] * len(one) if one.run is None else one.run)]
+            columns["run"] = np.array([f"{name} {run}".strip() for name, run in labels], str)
         remarks = tuple(f"{one.name}: {remark}" for one in each for remark in one.remarks)
         return cls(name=name, remarks=remarks, **columns)
 
@@ -199,12 +202,6 @@ PLAUSIBLE = {
 }
 # A largest pressure or tension below this is no muscle either: bar read as pascal, kN as N, swapped columns.
 LEAST_LARGEST = {"pressure": 2e3, "tension": 0.05}
-
-
-def _runs_by_name(points: ForceMap) -> np.ndarray:
-    """Label of the run of each point, with the name of its map (n,)."""
-    runs = [""] * len(points) if points.run is None else points.run
-    return np.array([f"{points.name} {run}".strip() for run in runs], str)
 
 
 LEAST_CONTRACTION = 0.01  # of a table in percent, below which it probably is a fraction: 0.25 is a usual largest one
@@ -331,8 +328,8 @@ def table_of(path: Path, **options: object) -> ForeignTable:
     """
     content = load(path, **options)
     if not isinstance(content, ForeignTable):
-        every = -(-len(content.recording) // MOST_ROWS)
-        channels = content.recording.channels.items()
+        every = -(-len(content.time) // MOST_ROWS)
+        channels = content.channels.items()
         return ForeignTable([ForeignColumn(f"{name} [{c.unit}]", c.values[::every]) for name, c in channels])
     return content if content.rows is not None else even_table(content, str(path))
 

@@ -10,10 +10,8 @@ from ..quantities import with_unit
 
 SHARE = 0.5  # of the free memory that a run may take
 UNKNOWN = 4e9  # free memory where the system does not say [B]
-STEPPED, INTEGRATED = (
-    8e3,
-    2e3,
-)  # bytes per sample of a simulation that is stepped, and of a run in one piece, with copies
+# Bytes per sample of a simulation that is stepped, and of a run in one piece, with copies.
+STEPPED, INTEGRATED = 8e3, 2e3
 
 
 def free_memory() -> float:

@@ -8,43 +8,44 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from tokenize import TokenError
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..accessors import Accessor, implementation
 from ..answers import Caution
 from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..extras import library
-from ..quantities import to_si
-from .formats import writer_of
-from .metadata import Frozen, cautions_of, file_attributes, freeze
+from ..formats.registry import writer_of
+from ..formats.sidecar import file_attributes
+from ..formats.table import KINDS, Channel, channel_attributes, check_samples
+from .provenance import cautions_of
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from ..analysis.energy_parts import EnergyAccount
-    from ..analysis.lever import ContractionTiming, LeverLoop, StimulatedContraction, StimulatedLoop
-    from ..analysis.loops import TensionLoop
-    from ..report.figures.plots import RecordingPlots
+    from ..accessors import (
+        ContractionTiming,
+        EnergyAccount,
+        LeverLoop,
+        RecordingPlots,
+        StimulatedContraction,
+        StimulatedLoop,
+        TensionLoop,
+    )
     from .force_map import ForceMap
 
 
-KINDS = ("true", "measured", "command")
 SAVED = (".nc", ".csv")  # suffixes that `Recording.save` takes: they hold all that a recording has
 LONGEST_NOTE = 200  # characters
 LISTED = 6  # channels named in one line
 # Of a uniform clock; beyond, a period in the wrong unit is meant.
 _MOST_SAMPLES = 10**8
-_NAME = re.compile(r"\w[^/\\\[\],;\"#]*")
 
 
 class Note(NamedTuple):
@@ -68,58 +69,6 @@ def notes_of(meta: Mapping[str, JsonValue]) -> list[Note]:
         ):
             notes.append(Note(float(time), text))
     return sorted(notes)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Channel:
-    """A quantity over the time of a recording.
-
-    Args:
-        values: float64 (n,), copied and read-only; NaN is allowed and means that nothing is known there.
-        unit: SI unit as text, without prefixes: ``"Pa"``, ``"kg/s"``, ``"1"`` for a pure number.
-        kind: ``"true"`` for the state of a simulation, ``"measured"`` behind a sensor, ``"command"`` for what was asked.
-        meaning: one phrase for a person.
-
-    Raises:
-        InputError: names what is wrong and what is allowed.
-
-    Examples:
-        >>> import mckibben as mk
-        >>> mk.Channel([1e5, 2e5], "Pa", "measured", "gauge pressure at the valve")
-        Channel(2 values, unit='Pa', kind='measured', meaning='gauge pressure at the valve')
-    """
-
-    values: np.ndarray
-    unit: str = "Pa"
-    kind: str = "true"
-    meaning: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", _column(self.values, "values of a channel"))
-        if not isinstance(self.unit, str) or not is_si(self.unit):
-            raise InputError("unit of a channel", self.unit, "must be an SI unit such as 'Pa', 'kg/s' or '1'")
-        if self.kind not in KINDS:
-            raise InputError("kind of a channel", self.kind, known=KINDS)
-        if not isinstance(self.meaning, str) or not self.meaning.isprintable():
-            raise InputError("meaning of a channel", repr(self.meaning), "must be one line of text")
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Channel):
-            return NotImplemented
-        same = (self.unit, self.kind, self.meaning) == (other.unit, other.kind, other.meaning)
-        return same and np.array_equal(self.values, other.values, equal_nan=True)
-
-    __hash__ = None  # type: ignore[assignment]  # arrays have no cheap hash
-
-    def __repr__(self) -> str:
-        return f"Channel({len(self)} values, unit={self.unit!r}, kind={self.kind!r}, meaning={self.meaning!r})"
-
-    def with_values(self, values: ArrayLike) -> Channel:
-        """Return a copy with other values (n,) [unit]."""
-        return Channel(np.asarray(values), self.unit, self.kind, self.meaning)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,28 +97,10 @@ class Recording:
     channels: Mapping[str, Channel]
     meta: Mapping[str, Any] = field(default_factory=dict)
 
-    plot: ClassVar[Accessor[RecordingPlots]] = Accessor("report.figures.plots:RecordingPlots")
+    plot: ClassVar[Accessor[RecordingPlots]] = Accessor("RecordingPlots")
 
     def __post_init__(self) -> None:
-        time = _column(self.time, "time")
-        _check_clock(time)
-        if not isinstance(self.channels, Mapping):
-            raise InputError("channels", type(self.channels).__name__, "must be a mapping of names to channels")
-        kept: dict[str, Channel] = {}
-        for name, channel in self.channels.items():
-            check_name(name)
-            if not isinstance(channel, Channel):
-                raise InputError(f"channel {name}", type(channel).__name__, "must be a Channel")
-            if len(channel) != len(time):
-                raise InputError(
-                    f"channel {name}", None, f"must have {len(time)} values, as the time has, got {len(channel)}"
-                )
-            # A meaning that only repeats the name says nothing.
-            said = channel.meaning != name
-            kept[name] = channel if said else Channel(channel.values, channel.unit, channel.kind)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "channels", Frozen(kept))
-        object.__setattr__(self, "meta", freeze(self.meta))
+        check_samples(self)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -353,7 +284,7 @@ class Recording:
         Raises:
             InputError: the recording has no steps, or none that match; names those that it has.
         """
-        parts: list[Recording] = implementation("analysis.segments:segments")(self, label, **case)
+        parts: list[Recording] = implementation("segments")(self, label, **case)
         return parts
 
     def loops(
@@ -369,9 +300,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or there is no full cycle.
         """
-        each: tuple[TensionLoop, ...] = implementation("analysis.loops:loops")(
-            self, length=length, tension=tension, skip=skip
-        )
+        each: tuple[TensionLoop, ...] = implementation("loops")(self, length=length, tension=tension, skip=skip)
         return each
 
     def contraction_timing(
@@ -387,7 +316,7 @@ class Recording:
         Raises:
             InputError: a channel is missing, there is no stimulus, or the force does not rise after it.
         """
-        timing: ContractionTiming = implementation("analysis.lever:contraction_timing")(
+        timing: ContractionTiming = implementation("contraction_timing")(
             self, rising=rising, relaxing=relaxing, above=above
         )
         return timing
@@ -405,9 +334,7 @@ class Recording:
         Raises:
             InputError: a channel is missing, no frequency is stated, or there is no whole cycle.
         """
-        each: tuple[LeverLoop, ...] = implementation("analysis.lever:lever_loops")(
-            self, cut=cut, keep=keep, frequency=frequency
-        )
+        each: tuple[LeverLoop, ...] = implementation("lever_loops")(self, cut=cut, keep=keep, frequency=frequency)
         return each
 
     def stimulated_contractions(self) -> tuple[StimulatedContraction, ...]:
@@ -416,7 +343,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or nothing was stimulated at constant length.
         """
-        each: tuple[StimulatedContraction, ...] = implementation("analysis.lever:stimulated_contractions")(self)
+        each: tuple[StimulatedContraction, ...] = implementation("stimulated_contractions")(self)
         return each
 
     def stimulated_loops(self) -> tuple[StimulatedLoop, ...]:
@@ -425,7 +352,7 @@ class Recording:
         Raises:
             InputError: a channel is missing or not finite, or no step has full cycles.
         """
-        each: tuple[StimulatedLoop, ...] = implementation("analysis.lever:stimulated_loops")(self)
+        each: tuple[StimulatedLoop, ...] = implementation("stimulated_loops")(self)
         return each
 
     def force_map(
@@ -451,7 +378,7 @@ class Recording:
         Raises:
             InputError: a channel or step is missing, there is no full cycle, or a length is not reached on both branches.
         """
-        points: ForceMap = implementation("analysis.loops:force_map")(
+        points: ForceMap = implementation("force_map")(
             self, [*lengths], of=of, length=length, tension=tension, pressure=pressure, skip=skip
         )
         return points
@@ -465,11 +392,11 @@ class Recording:
         Raises:
             InputError: names the channel or the parameter that the balance needs and the recording lacks.
         """
-        account: EnergyAccount = implementation("analysis.energy_accounts:energy_account")(self, **options)
+        account: EnergyAccount = implementation("energy_account")(self, **options)
         return account
 
     def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:recording_html")(self))
+        return str(implementation("recording_html")(self))
 
     def save(self, path: str | Path) -> Path:
         """Write to a ``.nc`` (netCDF) or ``.csv`` file, atomically.
@@ -488,99 +415,6 @@ class Recording:
         return write_whole(path, lambda part: write(self, part))
 
 
-def check_name(name: object, where: str | None = None) -> None:
-    """Refuse a channel name that a file could not hold."""
-    plain = isinstance(name, str) and name.isprintable() and name.strip() == name and _NAME.fullmatch(name)
-    if not plain or name == "time":
-        allowed = "must be a name such as 'tank.pressure', without / \\ [ ] , ; \" # and not 'time'"
-        raise InputError("name of a channel", name if isinstance(name, str) else repr(name), allowed, where=where)
-
-
-def _column(values: Any, name: str) -> np.ndarray:
-    try:
-        array = np.asarray(values)
-    except (TypeError, ValueError) as error:
-        raise InputError(name, None, f"must be real numbers, got none ({error})") from None
-    if array.dtype.kind not in "fiub":
-        raise InputError(name, None, f"must be real numbers, got type {array.dtype}")
-    if array.ndim != 1:
-        raise InputError(name, None, f"must have one dimension, got shape {array.shape}")
-    column = np.array(array, dtype=np.float64)
-    column.flags.writeable = False
-    return column
-
-
-def _check_clock(time: np.ndarray) -> None:
-    if not len(time):
-        raise InputError("time", None, "must have at least one sample")
-    if not np.isfinite(time).all():
-        i = int(np.argmin(np.isfinite(time)))
-        raise InputError(f"time of sample {i}", float(time[i]), "must be a finite time")
-    late = np.diff(time) > 0.0
-    if not late.all():
-        i = int(np.argmin(late))
-        raise InputError(
-            f"time of sample {i + 1}",
-            None,
-            f"must be later than the one before, got {time[i + 1]!s} s after {time[i]!s} s",
-        )
-
-
 def _comparable(meta: Mapping[str, JsonValue]) -> str:
     # As text, in which one NaN equals another.
     return json.dumps(meta, sort_keys=True)
-
-
-def channel_attributes(name: str, channel: Channel) -> dict[str, str]:
-    """The attributes of a channel's variable in a netCDF file."""
-    return {"units": channel.unit, "long_name": channel.meaning or name, "kind": channel.kind}
-
-
-# Whole SI units without prefixes. Coulomb, farad, tesla and henry are left out: "C" and "F" are temperatures in most files.
-_SI_WORDS = frozenset("1 m kg s A K mol cd rad sr N Pa J W V Hz Ohm S Wb lx lm".split())
-_PRESSURES = ("Pa", "N/m^2", "J/m^3")
-# What a unit that is not SI may become, tried in order; angles apart, as they have no dimension of their own.
-_TARGETS = (
-    *("Pa", "s", "m", "N", "kg/s", "m^3/s", "K", "V", "A", "m^3", "m^2", "m/s", "m/s^2", "kg", "J", "W", "Hz"),
-    *("Ohm", "Pa/s", "N/s", "N/m", "kg/m^3", "1"),
-)
-_ANGLES = ("rad", "rad/s", "rad/s^2")
-_ANGLE_WORDS = re.compile(r"deg(rees?)?\b|°(?![CF])|rpm|rev|turn|rad\b|arcmin|arcsec")
-_TEMPERATURES = {"°C": "degC", "C": "degC", "°F": "degF", "F": "degF"}
-
-
-def is_si(unit: str) -> bool:
-    """Whether every word of a unit such as ``m^3/(s Pa)`` is an SI unit without a prefix."""
-    words = re.split(r"[ */()^]+", unit.removesuffix(")"))
-    return words[0] in _SI_WORDS and all(word in _SI_WORDS or re.fullmatch(r"-?\d+(\.\d+)?", word) for word in words)
-
-
-def is_pressure(si_unit: str) -> bool:
-    """Whether an SI unit is that of a pressure."""
-    return si_unit in _PRESSURES
-
-
-def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, float, float]:
-    """SI unit of a unit, and the conversion: value [SI] = value * scale + offset.
-
-    Raises:
-        InputError: the unit is unknown.
-    """
-    if is_pressure(unit):
-        return "Pa", 1.0, 0.0
-    if is_si(unit):
-        return unit, 1.0, 0.0
-    word = _TEMPERATURES.get(unit, unit)
-    for target in _ANGLES if _ANGLE_WORDS.search(word) else _TARGETS:
-        try:
-            offset = to_si(0.0, word, target, field=field)
-        except (InputError, SyntaxError, TokenError):  # pint meets "m mm)" with the latter two
-            continue
-        # Only temperatures have an offset; a thousand degrees apart leave no rounding in the scale.
-        scale = (
-            to_si(1.0, word, target, field=field)
-            if offset == 0.0
-            else round((to_si(1000.0, word, target, field=field) - offset) / 1000.0, 12)
-        )
-        return target, scale, offset
-    raise InputError(field, unit, "must be a unit such as kPa, bar, psi, ms, mm, V, degC or 1", where=where)

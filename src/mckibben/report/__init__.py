@@ -15,18 +15,6 @@ if TYPE_CHECKING:
     from .blocks import TableRow as TableRow
     from .document import Document as Document
 
-__all__ = [
-    "Cite",
-    "Document",
-    "Figure",
-    "Paragraph",
-    "References",
-    "ReportTable",
-    "Section",
-    "TableColumn",
-    "TableRow",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

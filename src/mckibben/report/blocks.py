@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Union
 
-from .. import __version__
+from .._version import __version__
 from ..documents import JsonValue
 from ..quantities import from_si, shown_unit
 from .figures.colours import LIGHT
@@ -320,6 +320,19 @@ class Section:
     title: str
     blocks: tuple[Block, ...]
     anchor: str = ""
+
+
+class DocumentContent:
+    """What a document holds, as its writers take it; see `Document`."""
+
+    title: str
+    sections: tuple[Section, ...]
+    lead: Text
+    references: tuple[str, ...]
+
+    def anchors(self) -> list[str]:
+        """Anchors of the sections, in order."""
+        return [s.anchor or f"section{i}" for i, s in enumerate(self.sections, 1)]
 
 
 def pieces(text: Text) -> Iterator[str | Span | Cite | Hyperlink]:

@@ -23,6 +23,7 @@ from . import document_pdf
 from .blocks import (
     Block,
     Cite,
+    DocumentContent,
     Figure,
     Fold,
     Gauge,
@@ -53,7 +54,7 @@ ENDINGS = (".html", ".pdf")
 
 
 @dataclass(frozen=True)
-class Document:
+class Document(DocumentContent):
     """A report.
 
     Attributes:
@@ -84,10 +85,6 @@ class Document:
             if wrong:
                 raise ValueError(f"{', '.join(sorted(wrong))}: {text} in the document")
         object.__setattr__(self, "references", keys)
-
-    def anchors(self) -> list[str]:
-        """Anchors of the sections, in order."""
-        return [s.anchor or f"section{i}" for i, s in enumerate(self.sections, 1)]
 
     def html(self) -> str:
         """Return the page: styles and figures are included, without scripts and external files."""

@@ -12,13 +12,14 @@ from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..citations import known_keys, reference
 from ..extras import library
 from .blocks import (
     Block,
     Cite,
+    DocumentContent,
     Figure,
     Fold,
     Gauge,
@@ -41,10 +42,6 @@ from .blocks import (
 )
 from .figures.style import PANEL, to_svg
 
-if TYPE_CHECKING:
-    from .document import Document
-
-
 SMALLEST, LARGEST = 6.2, 8.2  # type of tables [pt]
 FULL = 7  # columns that stand in the largest type
 PAPER = "#ffffff"  # of the printed page, which takes the place of the panel behind a figure
@@ -52,7 +49,7 @@ WIDEST = 11.5  # figure across an upright page [inch]; there type of 8 pt still 
 FOOT = 90  # signs of the title at the foot of a page
 
 
-def pdf(document: Document) -> bytes:
+def pdf(document: DocumentContent) -> bytes:
     """Return the document as a PDF file.
 
     Raises:
@@ -72,7 +69,7 @@ def compiler(instead: str = "HTML reports do without it") -> ModuleType:
     return library("typst", "PDF reports need", instead=instead)
 
 
-def sources(document: Document) -> dict[str, bytes]:
+def sources(document: DocumentContent) -> dict[str, bytes]:
     """Input files of typst: the text under ``main``, and the figures by their names."""
     return _Writer(document).files
 
@@ -114,7 +111,7 @@ def _fonts() -> list[str]:
 class _Writer:
     """Writes one document; `files` holds the text and the figures."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: DocumentContent) -> None:
         self.numbers = {key: i for i, key in enumerate(document.references, 1)}
         self.count = itertools.count(1)
         self.level = 3
@@ -122,7 +119,7 @@ class _Writer:
         style = (resources.files(__package__) / "templates" / "document.typ").read_text(encoding="utf-8")
         self.files["main"] = "\n".join([*self._opening(document, style), *self._body(document)]).encode()
 
-    def _opening(self, document: Document, style: str) -> Iterator[str]:
+    def _opening(self, document: DocumentContent, style: str) -> Iterator[str]:
         title = " ".join(document.title.split())
         short = title if len(title) <= FOOT else title[: FOOT - 1] + "\N{HORIZONTAL ELLIPSIS}"
         yield f"#set document(title: {quoted(title)}, date: none)"
@@ -130,7 +127,7 @@ class _Writer:
         yield style
         yield f"#heading(level: 1, outlined: false, {quoted(document.title)})"
 
-    def _body(self, document: Document) -> Iterator[str]:
+    def _body(self, document: DocumentContent) -> Iterator[str]:
         if document.lead:
             yield f"#lead({self.text(document.lead)})"
         if len(document.sections) > 3:

@@ -16,7 +16,8 @@ from ..quantities import from_si, with_unit
 from ..studies.characterisation.stages import STAGES
 from ..studies.characterisation.verb import Characterisation
 from ..studies.comparison.match import Match
-from ..studies.comparison.table import MuscleTable, PropertyRow
+from ..studies.comparison.side_by_side import MuscleTable
+from ..studies.comparison.table import PropertyRow
 from .blocks import (
     Block,
     Cite,

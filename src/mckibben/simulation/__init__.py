@@ -25,18 +25,6 @@ if TYPE_CHECKING:
     from .simulation import Simulation as Simulation
     from .stepping import SimulationState as SimulationState
 
-__all__ = [
-    "Air",
-    "Chain",
-    "Joint",
-    "Link",
-    "Mechanism",
-    "Plate",
-    "Simulation",
-    "SimulationState",
-    "Spring",
-    "Weight",
-]
 lazy_names(
     __name__,
     {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +15,10 @@ from ..errors import InputError
 from ..quantities import whole_number
 from ..recordings.memory import SHARE, free_memory
 from ..recordings.recording import Recording
-from .kernel import SampleKernel
+from .kernel import SampleKernel, SteppedSimulation
 from .mechanisms import StartPressure
+from .recorded import record
 from .stepping import BEHIND, SimulationState, noise_generator, unnamed_command
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ class SimulationBatch:
         InputError: names what does not fit.
     """
 
-    def __init__(self, simulation: Simulation, lanes: int, changes: Mapping[str, Scalar]) -> None:
+    def __init__(self, simulation: SteppedSimulation, lanes: int, changes: Mapping[str, Scalar]) -> None:
         lanes = whole_number(lanes, "lanes", least=1)
         need = (
             2 * 8 * (simulation.programs.layouts.carry.size + len(simulation.parameters))
@@ -109,7 +107,7 @@ class SimulationBatch:
         stated.check(path, array)
         return array
 
-    def _lane(self, lane: int) -> Simulation:
+    def _lane(self, lane: int) -> SteppedSimulation:
         """The simulation of one lane alone."""
         if not self._changes:
             return self.simulation
@@ -238,4 +236,4 @@ class SimulationBatch:
             begin.structure,
         )
         rows = np.array([values[:, lane] for values in self._log]).reshape(-1, len(self.commands))
-        return own.recording_of(start, rows, [values[:, lane].tolist() for values in self._sensed])
+        return record(own, start, rows, [values[:, lane].tolist() for values in self._sensed])

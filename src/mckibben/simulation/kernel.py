@@ -6,13 +6,18 @@ between them: a step that turns out too coarse is done again from the same state
 
 from __future__ import annotations
 
+import abc
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._jax import Tree
+from ..answers import Caution
+from ..assembly.build import Assumption
+from ..assembly.machine import Machine
+from ..assembly.muscle_unit import MuscleUnit
 from ..components.module import map_leaves
 from ..documents import JsonValue
 from ..engine.native import EngineFunction, compile_function
@@ -21,7 +26,19 @@ from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
 from ..engine.soundness import SOUND, Soundness, unsound_sentence
 from ..errors import ConvergenceError
-from .stepping import BEHIND, CommandedMachine, Layouts, observe_vectors, outputs_at, recorded_vectors, step_vectors
+from .air import AirCircuit
+from .mechanisms import Mechanism, StartPressure
+from .stepping import (
+    BEHIND,
+    CommandedMachine,
+    CommandInput,
+    Layouts,
+    SimulationState,
+    observe_vectors,
+    outputs_at,
+    recorded_vectors,
+    step_vectors,
+)
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
 BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
@@ -348,3 +365,54 @@ class RecordingKernel:
             rows.append(outputs)
         outputs = map_leaves(lambda *values: np.array(values, float), *rows)
         return pilot.carry, sums, outputs
+
+
+class SteppedSimulation(abc.ABC):
+    """What a simulation is beside its present moment, of which recordings, lanes and rollouts are made; see `Simulation`."""
+
+    title: str
+    system: Mechanism
+    units: dict[str, MuscleUnit]
+    air: AirCircuit
+    machine: Machine
+    plant: CommandedMachine
+    drives: tuple[CommandInput, ...]
+    commands: tuple[str, ...]
+    command_entries: dict[str, tuple[int, float, float]]
+    Observation: Any
+    noise: np.ndarray | None
+    programs: Programs
+    parameters: np.ndarray
+    period: float
+    inner: int
+    cautions: tuple[Caution, ...]
+
+    @property
+    def fingerprint(self) -> str:
+        """Says which saved states fit."""
+        return f"{self.plant.shown} {self.commands} {self.programs.layouts.carry.shapes}"
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """The numbers of muscles, mechanism and air that nobody stated, each with where it comes from."""
+        return (*self.system.assumptions(self.units), *self.air.assumptions)
+
+    @abc.abstractmethod
+    def start_commands(self, pressure: StartPressure | None = None) -> dict[str, float]:
+        """Commands at the start [SI]."""
+
+    @abc.abstractmethod
+    def rest_state(self, pressure: StartPressure | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """What goes into the first sample, and the observation there, as vectors."""
+
+    @abc.abstractmethod
+    def save_state(self) -> SimulationState:
+        """The present moment."""
+
+    @abc.abstractmethod
+    def check_command(self, name: str, value: float, *, lasting: bool = False) -> None:
+        """Refuse what cannot be commanded, and say once what can hardly be meant."""
+
+    @abc.abstractmethod
+    def with_arrays(self, changes: Mapping[str, np.ndarray]) -> SteppedSimulation:
+        """The same with parameters that have the type and shape of those that they replace [SI]."""

@@ -18,13 +18,12 @@ from ..engine.native import call_compiled
 from ..muscles.evidence import about_laws
 from ..muscles.law import law_name
 from ..muscles.plausible import reached_cautions
+from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
-from ..recordings.recording import Channel, Recording
-from .kernel import RecordingKernel
+from .kernel import RecordingKernel, SteppedSimulation
 from .mechanisms import published
 
 if TYPE_CHECKING:
-    from .simulation import Simulation
     from .stepping import SimulationState
 
 RENAMED = {
@@ -57,7 +56,7 @@ class _Ended(NamedTuple):
 
 
 def record(
-    simulation: Simulation, start: SimulationState, commands: np.ndarray, sensed: list[list[float]]
+    simulation: SteppedSimulation, start: SimulationState, commands: np.ndarray, sensed: list[list[float]]
 ) -> Recording:
     """The recording of samples from a start.
 
@@ -88,7 +87,7 @@ def record(
     return Recording(time, channels, meta)
 
 
-def _reached(simulation: Simulation, channels: Mapping[str, Channel]) -> list[Caution | None]:
+def _reached(simulation: SteppedSimulation, channels: Mapping[str, Channel]) -> list[Caution | None]:
     """Cautions about the lengths and the highest pressure that each muscle had."""
     return [
         caution
@@ -99,7 +98,7 @@ def _reached(simulation: Simulation, channels: Mapping[str, Channel]) -> list[Ca
     ]
 
 
-def _accounts(simulation: Simulation, begin: Tree, end: Tree, sums: dict[str, float]) -> Accounts:
+def _accounts(simulation: SteppedSimulation, begin: Tree, end: Tree, sums: dict[str, float]) -> Accounts:
     """The accounts of mass and energy over all samples."""
     plant = simulation.plant
     first, last = (
@@ -113,7 +112,7 @@ def _inputs(plant: Tree, history: Any, period: Scalar) -> dict[str, Tree]:
     return sampled.inputs_of(plant, sampled.Carry((), (), (), (), history), None, period)
 
 
-def _channels(simulation: Simulation, outputs: dict[str, np.ndarray], held: np.ndarray) -> dict[str, Channel]:
+def _channels(simulation: SteppedSimulation, outputs: dict[str, np.ndarray], held: np.ndarray) -> dict[str, Channel]:
     channels: dict[str, Channel] = {}
     for k, name in enumerate(simulation.commands):
         drive = next(d for d in simulation.drives if d.command == name)
@@ -139,7 +138,7 @@ def described(output: str) -> tuple[str, str, str]:
 
 
 def _meta(
-    simulation: Simulation, closed: Accounts | None, start: SimulationState, shortest_step: float
+    simulation: SteppedSimulation, closed: Accounts | None, start: SimulationState, shortest_step: float
 ) -> dict[str, Tree]:
     machine, room = simulation.machine, simulation.machine.environment
     by_name = {name: published(muscle) for name, muscle in simulation.system.muscles.items()}

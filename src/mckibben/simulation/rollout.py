@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +17,8 @@ from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
 from ..engine.soundness import SOUND, SWITCHED, unsound_sentence
 from ..errors import ConvergenceError, InputError
-from .kernel import MODE
+from .kernel import MODE, SteppedSimulation
 from .stepping import BEHIND, step_vectors
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
 
 
 class Rollout:
@@ -52,7 +49,7 @@ class Rollout:
     """
 
     def __init__(
-        self, simulation: Simulation, policy: Callable[..., Tree], steps: int, cost: Callable[..., Any] | None
+        self, simulation: SteppedSimulation, policy: Callable[..., Tree], steps: int, cost: Callable[..., Any] | None
     ) -> None:
         if not (isinstance(steps, int) and steps >= 1):
             raise InputError("steps", steps, "must be a whole number of 1 or more")

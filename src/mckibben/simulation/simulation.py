@@ -17,13 +17,12 @@ import math
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from .._jax import Scalar, Tree
 from ..answers import Caution, collect, warn
-from ..assembly.build import Assumption
 from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
@@ -35,8 +34,10 @@ from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
-from .kernel import Programs, SampleKernel
+from .kernel import Programs, SampleKernel, SteppedSimulation
 from .mechanisms import Amount, Mechanism, StartPressure, in_si, published
+from .recorded import described, record
+from .rollout import Rollout
 from .stepping import (
     BEHIND,
     CommandedMachine,
@@ -47,9 +48,6 @@ from .stepping import (
     unnamed_command,
 )
 
-if TYPE_CHECKING:
-    from .rollout import Rollout
-
 MOST_STEPS = 100_000  # of the physics in one period; more are a slip of units, and take forever
 LONGEST_PERIOD = 10.0  # of the samples [s]; longer ones are frequencies in Hz
 STEP = 2e-4  # largest step of the physics unless stated otherwise [s]
@@ -58,7 +56,7 @@ MEANT_IN_BAR = 100.0  # [Pa]; a smaller pressure that is commanded was meant in 
 OF_MUSCLES = ("pressure", "tension", "length")  # outputs of a muscle that an observation shows
 
 
-class Simulation:
+class Simulation(SteppedSimulation):
     """Mechanism, muscles and air, advanced one sample at a time by commands.
 
     Args:
@@ -152,11 +150,6 @@ class Simulation:
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
         cautions = f"; {len(self.cautions)} cautions" if self.cautions else ""
         return f"Simulation({system}: {', '.join(self.commands)}; assumed: {assumed}{cautions})"
-
-    @property
-    def assumptions(self) -> tuple[Assumption, ...]:
-        """The numbers of muscles, mechanism and air that nobody stated, each with where it comes from."""
-        return (*self.system.assumptions(self.units), *self.air.assumptions)
 
     def caution(self, *said: Caution | None, stacklevel: int = 2) -> None:
         """Keep cautions, and say as warnings those that were not said before."""
@@ -302,8 +295,6 @@ class Simulation:
             commands: held in each sample, (samples, commands).
             sensed: observations with their noise, one more than samples; empty without noise.
         """
-        from .recorded import record
-
         return record(self, start, commands, sensed)
 
     def batch(self, lanes: int, changes: Mapping[str, Scalar] | None = None) -> SimulationBatch:
@@ -324,8 +315,6 @@ class Simulation:
             cost: cost of (observation, commands) at the end of a sample, whose mean the rollout is; by default, the policy
                 returns (commands, cost).
         """
-        from .rollout import Rollout
-
         return Rollout(self, policy, steps, cost)
 
     # ---- details
@@ -391,19 +380,12 @@ class Simulation:
 
     def _noise_cautions(self, noise: Mapping[str, float]) -> list[Caution | None]:
         """Cautions about noise that is larger than what it is of."""
-        from .recorded import described
-
         units = {name: described(output)[0] for name, output in self.plant.shown}
         typical = {name: USUAL_SIZES[units[name]][1] for name in noise if units[name] in USUAL_SIZES}
         return [
             size_caution(float(noise[name]), units[name], name=f"noise of {name}", usual=(0.0, size))
             for name, size in typical.items()
         ]
-
-    @property
-    def fingerprint(self) -> str:
-        """Says which saved states fit."""
-        return f"{self.plant.shown} {self.commands} {self.programs.layouts.carry.shapes}"
 
     def _unit(self, command: str) -> str:
         return self._drive(command).unit

@@ -5,8 +5,16 @@ add their own files beside the shipped ones: name a ``.toml`` file, or put it in
 variable ``MCKIBBEN_SPECIMENS``.
 """
 
-from .load import KNOWN_PROPERTIES, map_file, muscle_specimen, specimen, specimen_ids, specimens
-from .model import Specimen, SpecimenNumber
+from .model import (
+    KNOWN_PROPERTIES,
+    Specimen,
+    SpecimenNumber,
+    map_file,
+    muscle_specimen,
+    specimen,
+    specimen_ids,
+    specimens,
+)
 from .write import save_specimen, specimen_toml
 
 __all__ = [

@@ -7,10 +7,6 @@ from .._lazy import lazy_names, lazy_submodules
 if TYPE_CHECKING:
     from .design import design_study as design_study
 
-__all__ = [
-    "design_study",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

@@ -21,11 +21,11 @@ import numpy as np
 from ..answers import Answer, Column, Table
 from ..documents import JsonValue
 from ..errors import InputError, MissingDataError, choice
+from ..formats.text import check_width, read_rows, to_numbers
 from ..identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
 from ..identification.hysteresis_fit import AREA, MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
 from ..identification.path_record import PathRecord
 from ..quantities import from_si, to_si
-from ..recordings.text import check_width, read_rows, to_numbers
 from ..verbs import DataFolder, LoopFriction, verb
 
 LOOP, STEPS = "pressure_stroke_loop.csv", "step_response_100hz.csv"

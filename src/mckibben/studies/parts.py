@@ -133,7 +133,7 @@ class ListedPart:
         return f"ListedPart({self.id!r}, {self.kind}: {self.title}, {len(self.numbers)} numbers)"
 
     def _repr_html_(self) -> str:
-        return str(implementation("report.figures.plots:part_html")(self))
+        return str(implementation("part_html")(self))
 
 
 def list_parts(

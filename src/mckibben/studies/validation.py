@@ -19,7 +19,8 @@ from ..answers import Answer, Table
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError, MissingDataError, not_found
 from ..identification import Fit, fit
-from ..identification.fit import SCHEMES, ErrorMeasures, evaluate
+from ..identification.fit import SCHEMES, evaluate
+from ..identification.problem import ErrorMeasures
 from ..identification.ranking import COLUMNS
 from ..muscles import law_from_specimen
 from ..muscles.laws import LAWS, law_type

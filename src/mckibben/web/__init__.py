@@ -13,15 +13,6 @@ if TYPE_CHECKING:
     from .widgets import panel as panel
     from .widgets import select as select
 
-__all__ = [
-    "Axis",
-    "Chart",
-    "ChartLine",
-    "PageDocument",
-    "panel",
-    "select",
-    "update",
-]
 lazy_names(
     __name__,
     {

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from .. import __version__
+from .._version import __version__
 from ..errors import InputError, MckibbenError
 from .bench import measured_data
 from .charts import LARGEST_CHART, sent_figure

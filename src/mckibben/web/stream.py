@@ -26,7 +26,7 @@ from ..documents import JsonValue
 from ..errors import MckibbenError
 from ..pneumatics.gas import AIR
 from ..quantities import from_si, shown_unit
-from ..recordings.recording import Channel, Recording
+from ..recordings import Channel, Recording
 
 CHANNELS = ("pressure", "tension", "length", "flow", "valve", "set_pressure", "set_length")
 HEAD = struct.Struct("<8sIIII")

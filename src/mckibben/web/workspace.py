@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 from ..documents import JsonValue
 from ..errors import InputError, MckibbenError
-from ..recordings.formats import readable
+from ..formats.registry import readable
 from .shelf import Shelf
 from .stream import Stream
 

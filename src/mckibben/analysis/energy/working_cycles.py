@@ -53,7 +53,7 @@ from .cycles import (
 if TYPE_CHECKING:
     import pandas
 
-    from ...report.figures.plots import CyclePlots
+    from ...accessors import CyclePlots
 
 
 POINTS = 61
@@ -280,7 +280,7 @@ class WorkingCycles(Answer):
     curves: Mapping[str, EnergyCurve]
     cautions: tuple[Caution, ...] = ()
 
-    plot: ClassVar[Accessor[CyclePlots]] = Accessor("report.figures.plots:CyclePlots")
+    plot: ClassVar[Accessor[CyclePlots]] = Accessor("CyclePlots")
     """Plots: ``plot.loops`` and ``plot.efficiency``, see `report.figures.plots`."""
     units: ClassVar[Mapping[str, str]] = (
         dict.fromkeys(("input", "output", "compression", "delivery", *LOSSES), "J")

@@ -9,9 +9,9 @@ from .stand import Encoder, Frame, FrameState, Motor, MotorPowers, StandState, T
 
 if TYPE_CHECKING:
     from . import serial_line as serial_line
+    from .backends import HardwareRequest as HardwareRequest
+    from .backends import connected as connected
     from .interface import Hardware as Hardware
-    from .interface import HardwareRequest as HardwareRequest
-    from .interface import connected as connected
 
 __all__ = [
     "AnalogOut",
@@ -34,6 +34,7 @@ lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
-        "interface": ["Hardware", "HardwareRequest", "connected"],
+        "backends": ["HardwareRequest", "connected"],
+        "interface": ["Hardware"],
     },
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Generator
 from typing import TYPE_CHECKING
 
@@ -12,14 +13,13 @@ from ...experiments.amounts import CHANNELS
 from ...quantities import with_unit
 from ..hardware.converters import SPAN
 from ..prepare import PreparedRun, RunSegment
-from ..sample_loop import SampleLoop, played
+from ..sample_loop import SampledMachine, SampleLoop, played
 from ..segment import Chunk
 from ..software.loop import BenchSoftware
+from .interface import MachineSession
 
 if TYPE_CHECKING:
     from ..protocol_run import ProtocolRun
-    from .interface import MachineSession
-    from .session import Session
 
 EXACT = 1e-6  # of the allowed range, within which the machine's own set-point is the one asked for
 NEAR = 0.01  # of the allowed range, within which a pressure or a tension is there
@@ -63,6 +63,29 @@ class Arrival:
         return self._left <= 0.0
 
 
+class SampledSession(MachineSession):
+    """A session whose machine is sampled in this process, by hand or, lent between two samples, by the loop of a run."""
+
+    machine: SampledMachine
+    period: float
+
+    @abc.abstractmethod
+    def observe(self, chunk: Chunk, *, by_hand: bool = False) -> None:
+        """Take samples of the machine."""
+
+    @abc.abstractmethod
+    def lend(self, run_loop: SampleLoop) -> SampleLoop:
+        """End the manual loop between two samples, so that the loop of a run can continue."""
+
+    @abc.abstractmethod
+    def resume(self, loop: SampleLoop) -> None:
+        """Return to manual operation after the last sample of a run."""
+
+    @abc.abstractmethod
+    def ask_for(self, **wanted: float | str) -> None:
+        """Change the set-points without checking the mode of the machine."""
+
+
 class ContinuedMachine:
     """A stage with the machine of a session, which is sampled before, during and after the run.
 
@@ -70,7 +93,7 @@ class ContinuedMachine:
         InputError: if a segment cannot be played on this machine.
     """
 
-    def __init__(self, session: Session, prepared: PreparedRun, attended: bool) -> None:
+    def __init__(self, session: SampledSession, prepared: PreparedRun, attended: bool) -> None:
         self.session, self.prepared, self.hardware = session, prepared, session.machine.hardware
         self._zero = 0
         for segment in prepared.segments():

@@ -29,7 +29,7 @@ from ...documents import JsonValue
 from ...errors import InputError, LineLostError, MckibbenError
 from ...experiments.protocol import Protocol
 from ...recordings import read_recording
-from ..hardware.interface import connected
+from ..hardware.backends import connected
 from ..prepare import PreparedRun
 from ..protocol_run import RunState
 from ..rig_file import rig as rig_of
@@ -72,7 +72,7 @@ class SessionProxy(MachineSession):
     """A session in another process, which owns the machine and its clock.
 
     Args:
-        words: that name the machine, see `hardware.interface.connected`; None: a simulated one.
+        words: that name the machine, see `hardware.backends.connected`; None: a simulated one.
         rig: a rig, its name or file.
         muscle: a specimen, its id or file.
         lock_step: a simulated device waits for every command.

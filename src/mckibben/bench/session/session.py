@@ -42,7 +42,7 @@ from ..sample_loop import LOOK, Lateness, SampledMachine, SampleLoop, Setpoints
 from ..segment import AFTER_STOP, Chunk
 from ..software.interlocks import EmergencyStop, Trip, stop_sentence
 from ..software.sequencer import ABANDONED, SPAN, TENSION, VELOCITY
-from .continued import ContinuedMachine
+from .continued import ContinuedMachine, SampledSession
 from .interface import (
     CLOSED,
     HOLD,
@@ -52,7 +52,6 @@ from .interface import (
     MODES,
     RUNNING,
     STOPPED,
-    MachineSession,
     ManualSetup,
     Message,
     Messages,
@@ -67,7 +66,7 @@ STEP_OF_TIME = 0.1  # time between two looks at a machine whose time goes only w
 QUIET = 0.6  # time after which a machine that rests stands still [s]
 
 
-class Session(MachineSession):
+class Session(SampledSession):
     """The owner of a machine and its clock. All methods may be called from any thread.
 
     Args:

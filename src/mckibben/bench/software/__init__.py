@@ -8,11 +8,6 @@ if TYPE_CHECKING:
     from .controllers import bounded as bounded
     from .controllers import first_trim as first_trim
 
-__all__ = [
-    "bounded",
-    "first_trim",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

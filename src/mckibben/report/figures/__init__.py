@@ -10,13 +10,6 @@ if TYPE_CHECKING:
     from .recording_figures import time_figure as time_figure
     from .run_figures import joint_figure as joint_figure
 
-__all__ = [
-    "DrawnLoop",
-    "joint_figure",
-    "loop_figure",
-    "time_figure",
-]
-
 lazy_submodules(__name__)
 lazy_names(
     __name__,

@@ -12,6 +12,8 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..._version import __version__
+
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
@@ -146,8 +148,6 @@ def describe(fig: Figure, source: str) -> None:
 
 def provenance_of(fig: Figure) -> Provenance:
     """What a figure says about itself; its title is its first heading."""
-    from ... import __version__
-
     texts = [t for ax in fig.axes for t in ax.texts if (p := place_of(t)) is not None and p.kind == "heading"]
     title = " ".join(texts[0].get_text().split()) if texts else ""
     return Provenance(title, str(getattr(fig, _SOURCE, "")), f"mckibben {__version__}")

@@ -212,7 +212,7 @@ class Characterisation:
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
-        written: Path = implementation("report.study_reports:write_characterisation_report")(self, Path(path))
+        written: Path = implementation("write_characterisation_report")(self, Path(path))
         return written
 
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -5,13 +5,12 @@ the drive to the full one. A pressure set-point over the full pressure is what a
 """
 
 from ..._lazy import lazy_submodules
-from .side_by_side import compare, stages
+from .side_by_side import MuscleTable, compare, stages
 from .table import (
     FULL_PRESSURE,
     PROPERTIES,
     ComparedMuscle,
     MuscleColumn,
-    MuscleTable,
     Property,
     PropertyRow,
     subject,

@@ -3,28 +3,135 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..._lazy import LazyModule
-from ...answers import Caution, collect
+from ...accessors import Accessor, implementation
+from ...answers import Answer, Caution, Column, Table, collect
+from ...documents import JsonValue
 from ...errors import InputError
+from ...extras import library
 from ...muscles import Muscle
 from ...muscles.evidence import law_cautions
 from ...muscles.law import law_name
 from ...muscles.plausible import free_length_caution, pressure_caution
 from ...specimens import Specimen, muscle_specimen
-from ...specimens.published import published_ranges
+from ...specimens.published import PublishedRange, published_ranges
 from ...verbs import LawName, MuscleName, NamedValues, Pressure, RecordingFile, RigName, typed, verb
-from .table import Comparable, ComparedMuscle, MuscleTable, column_of, law_column, subject
+from .table import (
+    PROPERTIES,
+    STATIC,
+    Comparable,
+    ComparedMuscle,
+    MuscleColumn,
+    PropertyRow,
+    column_of,
+    law_column,
+    subject,
+)
 
 if TYPE_CHECKING:
+    import pandas
+
+    from ...accessors import ComparisonPlots
     from . import match as matching
     from . import protocols as equal_protocols
     from .match import Match
     from .protocols import Trials
 else:  # what runs protocols and searches takes a second to import
     matching, equal_protocols = (LazyModule(f"{__package__}.{name}") for name in ("match", "protocols"))
+
+
+@dataclass(frozen=True, repr=False)
+class MuscleTable(Answer):
+    """Columns of muscles; rows are the properties that any of them has, or that are published."""
+
+    columns: tuple[MuscleColumn, ...]
+    published: Mapping[str, PublishedRange]
+    muscles: tuple[ComparedMuscle, ...] = field(default=(), compare=False)  # of the columns that are no recordings
+    trials: tuple[Trials, ...] = field(default=(), compare=False)  # their protocols, where these were run
+    matches: tuple[Match, ...] = field(default=(), compare=False)  # with elements, where these were searched
+    cautions: tuple[Caution, ...] = field(default=(), compare=False)
+
+    plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("ComparisonPlots")
+    """The muscles' static curves side by side, see `report.figures.plots`."""
+
+    def properties(self) -> tuple[PropertyRow, ...]:
+        """All rows that are not empty, in the order of `PROPERTIES`."""
+        rows = []
+        for name, prop in PROPERTIES.items():
+            values = tuple(c.values.get(name) for c in self.columns)
+            if any(v is not None for v in values) or (name in self.published and prop in STATIC):
+                rows.append(PropertyRow(prop, values, self.published.get(name)))
+        return tuple(rows)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per property, with its unit and one column per muscle.
+
+        Raises:
+            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
+        """
+        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(self.rows())
+        return frame.set_index(["property", "unit"])
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write a report with table and figure to an ``.html`` or ``.pdf`` file; returns its path."""
+        return Path(implementation("muscle_comparison")(self).write(Path(path)))
+
+    def __repr__(self) -> str:
+        return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.properties())} properties)"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row per property, in the unit that it is shown in."""
+        names = [column.name for column in self.columns]
+        return [
+            {"property": row.property.title, "unit": row.property.unit, **dict(zip(names, row.shown(), strict=True))}
+            for row in self.properties()
+        ]
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Values of all properties in the units that they are shown in, and what each column is from."""
+        rows = []
+        for row in self.properties():
+            one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
+            one |= {"title": row.property.title, "published": None}
+            ends, p = row.shown_range(), row.published
+            if ends is not None and p is not None:
+                one["published"] = {"low": ends[0], "high": ends[1], "sources": list(p.sources)}
+                one["published"] |= {"through": p.through, "derived": p.derived, "note": p.note}
+            rows.append(one)
+        out: dict[str, Any] = {
+            "columns": [c.name for c in self.columns],
+            "rows": rows,
+            "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in self.columns],
+        }
+        return out | ({"match": [match.to_dict() for match in self.matches]} if self.matches else {})
+
+    def tables(self) -> list[Table]:
+        """The muscles side by side, and what elements bring them close to a biological one."""
+        names = [column.name for column in self.columns]
+        columns = [Column("title", ""), Column("unit")]
+        columns += [Column(f"value {i}", name, "1", places="", missing="\N{EN DASH}") for i, name in enumerate(names)]
+        columns += [Column("published", "biological, published", "1", places="", ends=("low", "high"))]
+        rows = []
+        for row in self.properties():
+            one: dict[str, Any] = {"title": row.property.title, "unit": row.property.unit}
+            one |= {f"value {i}": value for i, value in enumerate(row.shown())}
+            rows.append(one | dict(zip(("low", "high"), row.shown_range() or (None, None), strict=True)))
+        notes = tuple(f"{column.name}: {note}." for column in self.columns for note in column.notes)
+        return [
+            Table("Muscles side by side", tuple(columns), rows, notes),
+            *(t for m in self.matches for t in m.tables()),
+        ]
+
+    @property
+    def sources(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Keys of the paper, and of what published ranges rest on."""
+        ranges = [row.published for row in self.properties() if row.published is not None]
+        return tuple(dict.fromkeys(["chou1996", *(key for one in ranges for key in one.sources)]))
 
 
 @verb

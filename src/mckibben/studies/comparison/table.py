@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from ..._jax import Scalar
-from ...accessors import Accessor, implementation
 from ...analysis import characteristics
 from ...analysis.channels import known
 from ...analysis.characteristics import circle_area, static_characteristics
@@ -24,12 +23,10 @@ from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...analysis.loops import loop, paths, peak_velocity
 from ...analysis.segments import segments, steps_of
 from ...analysis.shortening import ShorteningPower, power_density, shortening_power
-from ...answers import Answer, Caution, Column, Table, brief
+from ...answers import brief
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
-from ...documents import JsonValue
 from ...errors import InputError, NoVolumeError, choice
-from ...extras import library
 from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
 from ...muscles.build import from_specimen, rest_length_of, upper_length_of
@@ -39,11 +36,8 @@ from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import PublishedRange
 
 if TYPE_CHECKING:
-    import pandas
+    pass
 
-    from ...report.figures.plots import ComparisonPlots
-    from .match import Match
-    from .protocols import Trials
 
 FULL_PRESSURE = 5e5  # at which the paper compares its muscles [Pa]
 LEAST = 0.99  # of the rest length: a muscle that is free there already makes no tension worth comparing
@@ -249,95 +243,6 @@ class PropertyRow(NamedTuple):
             return None
         low, high = (self.property.shown(end) for end in self.published.si(self.property.si))
         return low, high
-
-
-@dataclass(frozen=True, repr=False)
-class MuscleTable(Answer):
-    """Columns of muscles; rows are the properties that any of them has, or that are published."""
-
-    columns: tuple[MuscleColumn, ...]
-    published: Mapping[str, PublishedRange]
-    muscles: tuple[ComparedMuscle, ...] = field(default=(), compare=False)  # of the columns that are no recordings
-    trials: tuple[Trials, ...] = field(default=(), compare=False)  # their protocols, where these were run
-    matches: tuple[Match, ...] = field(default=(), compare=False)  # with elements, where these were searched
-    cautions: tuple[Caution, ...] = field(default=(), compare=False)
-
-    plot: ClassVar[Accessor[ComparisonPlots]] = Accessor("report.figures.plots:ComparisonPlots")
-    """The muscles' static curves side by side, see `report.figures.plots`."""
-
-    def properties(self) -> tuple[PropertyRow, ...]:
-        """All rows that are not empty, in the order of `PROPERTIES`."""
-        rows = []
-        for name, prop in PROPERTIES.items():
-            values = tuple(c.values.get(name) for c in self.columns)
-            if any(v is not None for v in values) or (name in self.published and prop in STATIC):
-                rows.append(PropertyRow(prop, values, self.published.get(name)))
-        return tuple(rows)
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """One row per property, with its unit and one column per muscle.
-
-        Raises:
-            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
-        """
-        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(self.rows())
-        return frame.set_index(["property", "unit"])
-
-    def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write a report with table and figure to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.study_reports:muscle_comparison")(self).write(Path(path)))
-
-    def __repr__(self) -> str:
-        return f"MuscleTable({', '.join(column.name for column in self.columns)}: {len(self.properties())} properties)"
-
-    def rows(self) -> list[dict[str, Any]]:
-        """A row per property, in the unit that it is shown in."""
-        names = [column.name for column in self.columns]
-        return [
-            {"property": row.property.title, "unit": row.property.unit, **dict(zip(names, row.shown(), strict=True))}
-            for row in self.properties()
-        ]
-
-    def to_dict(self) -> dict[str, JsonValue]:
-        """Values of all properties in the units that they are shown in, and what each column is from."""
-        rows = []
-        for row in self.properties():
-            one: dict[str, Any] = {"property": row.property.name, "unit": row.property.unit, "values": row.shown()}
-            one |= {"title": row.property.title, "published": None}
-            ends, p = row.shown_range(), row.published
-            if ends is not None and p is not None:
-                one["published"] = {"low": ends[0], "high": ends[1], "sources": list(p.sources)}
-                one["published"] |= {"through": p.through, "derived": p.derived, "note": p.note}
-            rows.append(one)
-        out: dict[str, Any] = {
-            "columns": [c.name for c in self.columns],
-            "rows": rows,
-            "about": [{"title": c.title, "from": c.kind, "notes": list(c.notes)} for c in self.columns],
-        }
-        return out | ({"match": [match.to_dict() for match in self.matches]} if self.matches else {})
-
-    def tables(self) -> list[Table]:
-        """The muscles side by side, and what elements bring them close to a biological one."""
-        names = [column.name for column in self.columns]
-        columns = [Column("title", ""), Column("unit")]
-        columns += [Column(f"value {i}", name, "1", places="", missing="\N{EN DASH}") for i, name in enumerate(names)]
-        columns += [Column("published", "biological, published", "1", places="", ends=("low", "high"))]
-        rows = []
-        for row in self.properties():
-            one: dict[str, Any] = {"title": row.property.title, "unit": row.property.unit}
-            one |= {f"value {i}": value for i, value in enumerate(row.shown())}
-            rows.append(one | dict(zip(("low", "high"), row.shown_range() or (None, None), strict=True)))
-        notes = tuple(f"{column.name}: {note}." for column in self.columns for note in column.notes)
-        return [
-            Table("Muscles side by side", tuple(columns), rows, notes),
-            *(t for m in self.matches for t in m.tables()),
-        ]
-
-    @property
-    def sources(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Keys of the paper, and of what published ranges rest on."""
-        ranges = [row.published for row in self.properties() if row.published is not None]
-        return tuple(dict.fromkeys(["chou1996", *(key for one in ranges for key in one.sources)]))
 
 
 Comparable = str | os.PathLike[str] | Specimen | Muscle | ComparedMuscle

@@ -13,9 +13,10 @@ from .catalogue import of_size, of_sizes, of_specimen, of_specimens
 from .lines import WEIGHED, LineResult, lines_for, rank
 from .own_parts import battery_of, tank_of, valve_of
 from .requirements import Requirements, Shortfall
-from .size import Sizing, size, stages
+from .size import size, stages
 from .sources import DailyUse, SourceResult, sources_for
 from .spread import InferredRanges, spread_of
+from .tables import Sizing
 
 __all__ = [
     "BRAID_LAWS",

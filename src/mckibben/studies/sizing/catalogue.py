@@ -64,6 +64,7 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
     diameter = outer_diameter(law, wish, longest, wall)
     range_ = _range_of(stated)
     rested = _property(stated, "rest_length", longest)
+    rated = stated.property_si("rated_pressure", "Pa") if "rated_pressure" in stated.properties else None
     return Candidate(
         id=stated.id,
         title=stated.title,
@@ -76,7 +77,7 @@ def of_specimen(spec: Specimen | str, wish: Requirements) -> Candidate | None:
         overall_length=longest + 2.0 * usual("fitting_share") * diameter,
         diameter=diameter,
         mass=None if range_ is None else range_.values["fittings_mass"] + range_.values["mass_per_length"] * rested,
-        rated_pressure=_rated(stated) if range_ is None else range_.values["rated_pressure"],
+        rated_pressure=rated if range_ is None else range_.values["rated_pressure"],
         dimensions={"rest_length": rested, "longest_length": longest, "wall_thickness": wall},
         inferred=("fitting_share", *stated.inferred()),
         sources=tuple(stated.sources),
@@ -215,10 +216,6 @@ def _range_of(spec: Specimen) -> CataloguePart | None:
         return None  # a sleeve over a bladder is none, whatever its bore
     bore = spec.property_si("rest_inner_diameter", "m")
     return next((p for p in parts("fluidic_muscle") if abs(p.values["bore"] - bore) < 1e-6), None)
-
-
-def _rated(spec: Specimen) -> float | None:
-    return spec.property_si("rated_pressure", "Pa") if "rated_pressure" in spec.properties else None
 
 
 def _property(spec: Specimen, name: str, otherwise: float) -> float:

@@ -131,7 +131,8 @@ def lines_for(
     known = {p.id: p for p in parts("tube")}
     pairs = [(v, known[t], x) for x in lengths or (wish.tube_length,) for v in wanted for t in tubes]
     tell(f"{muscle.muscle.id}: {len(pairs)} lines")
-    lanes = [lane for pair in pairs for lane in _held(muscle, wish, *pair)]
+    ends = (muscle.muscle.longest, muscle.muscle.longest - wish.stroke)
+    lanes = [_lane(muscle, wish, *pair, at) for pair in pairs for at in ends]
     done = courses(lanes)
     rest = settled_courses(lanes, done)
     both = list(zip(done, rest, strict=True))  # each as it was, and until it settles
@@ -156,12 +157,6 @@ def _lane(
     )
     supply = wish.pressure + (ABOVE if regulated else 0.0)
     return Lane(unit_of(muscle.muscle), element, pipe, wish.pressure, supply, at, environment=wish.environment, **more)
-
-
-def _held(muscle: Judged, wish: Requirements, valve: Specimen, tube: CataloguePart, length: float) -> list[Lane]:
-    longest = muscle.muscle.longest
-    ends = (longest, longest - wish.stroke)
-    return [_lane(muscle, wish, valve, tube, length, at) for at in ends]
 
 
 def _found(

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...accessors import Accessor
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
-from ...answers import Answer, Caution, Table, collect
-from ...documents import JsonValue
+from ...answers import collect
 from ...errors import InputError, MckibbenError
-from ...extras import library
 from ...identification.posterior import Band, Posterior, read_posterior
 from ...muscles.plausible import pressure_caution
 from ...quantities import with_unit
@@ -41,20 +37,15 @@ from ...verbs import (
     verb,
 )
 from . import catalogue
-from .as_files import circuit_of, specimen_of
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
 from .candidate import VERDICTS, Candidate, Judged, judged, ranked
 from .lines import LENGTHS, LineResult, dead_volume, lines_for, time_range
 from .own_parts import battery_of, tank_of, valve_of
 from .requirements import Requirements, Shortfall, parse_space
-from .sources import DailyUse, SourceResult, daily_use, sources_for
-from .spread import InferredRanges, spread_of
-
-if TYPE_CHECKING:
-    import pandas
-
-    from ...report.figures.plots import SizingPlots
+from .sources import daily_use, sources_for
+from .spread import spread_of
+from .tables import PosteriorAnswer, Sizing
 
 
 def piston_cycle(muscle: Judged, wish: Requirements, *, accumulator: bool) -> tuple[float, float] | None:
@@ -85,159 +76,6 @@ Progress = Callable[[str], None]
 EXAMPLES = {"force": "50 N", "stroke": "3 cm", "pressure": "5 bar", "tube_length": "50 cm"}
 GRAVITY = 9.80665  # [m/s^2]
 MOST_TRIED = 3  # muscles whose speed is looked for
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Sizing(Answer):
-    """Result of sizing.
-
-    Attributes:
-        wish: the requirements.
-        muscles: every candidate, the best first.
-        misses: what stands in the way of a braid, or of the speed; empty if one does it.
-        chosen: for which lines and sources were looked for; the best, or the one asked for.
-        lines: valves with tubes for it, the best first; empty if none were looked for.
-        lengths: the best valve with tubes of other lengths.
-        gas_sources: sources of gas, those that can do it first.
-        piston: input and output of the paper's cycle of maximal shortening without and with an accumulator [J].
-        law: of the braids.
-        spread: ranges that inferred numbers leave for the chosen muscle; None if no muscle does it.
-        time_range: shortest and longest time of the best line to the force, within its inferred numbers [s].
-        daily: what a day takes; None without a frequency and a working time.
-        valves: specimens of the valves of the user's own, by the names in `lines`.
-        samples: force and stroke of the chosen muscle by the posterior of its law; None if none was given.
-        cautions: what can hardly be meant of the requirements.
-        shown: number of muscles, lines and lengths in tables and JSON; all by default.
-    """
-
-    wish: Requirements
-    muscles: tuple[Judged, ...]
-    misses: tuple[Shortfall, ...]
-    chosen: Judged
-    lines: tuple[LineResult, ...]
-    lengths: tuple[LineResult, ...]
-    gas_sources: tuple[SourceResult, ...]
-    piston: dict[str, tuple[float, float] | None]
-    law: str = BRAID_LAWS[0]
-    spread: InferredRanges | None = None
-    time_range: tuple[float, float] | None = None
-    daily: DailyUse | None = None
-    valves: Mapping[str, Specimen] = field(default_factory=dict)
-    samples: PosteriorAnswer | None = None
-    cautions: tuple[Caution, ...] = ()
-    shown: int | None = None
-
-    plot: ClassVar[Accessor[SizingPlots]] = Accessor("report.figures.plots:SizingPlots")
-
-    @property
-    def line(self) -> LineResult | None:
-        """The best valve and tube that reach the force; None if none was looked for, or none does."""
-        return next((one for one in self.lines if one.to_force is not None), None)
-
-    @property
-    def best(self) -> Judged:
-        """The best candidate."""
-        return self.muscles[0]
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """One row per candidate, best first: verdict, force [N], stroke [m], length and diameter [m], mass [kg].
-
-        Raises:
-            MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
-        """
-        rows = [
-            {
-                "muscle": one.muscle.id,
-                "verdict": one.verdict,
-                "promised_force": one.promised_force,
-                "end_force": one.end_force,
-                "stroke": one.stroke,
-                "length": one.muscle.overall_length,
-                "diameter": one.muscle.diameter,
-                "mass": one.muscle.mass,
-            }
-            for one in self.muscles
-        ]
-        frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
-        return frame.set_index("muscle")
-
-    def to_specimen(self) -> Specimen:
-        """The chosen muscle as a specimen, which every command and page takes."""
-        return specimen_of(self.chosen.muscle, self.wish.pressure)
-
-    def to_circuit(self) -> dict[str, JsonValue]:
-        """The chosen muscle behind the best valve and tube, as the tables of a circuit's file.
-
-        The muscle is held at the end of its stroke, the valve opens after 20 ms.
-
-        Raises:
-            InputError: no valve and tube were looked for, or none reaches the force.
-        """
-        return circuit_of(self.chosen, self.wish, self.line, self.valves)
-
-    def first(self, count: int) -> Sizing:
-        """The same with `count` muscles, lines and lengths in tables and JSON."""
-        return replace(self, shown=count)
-
-    def tables(self) -> list[Table]:
-        """Muscles, and for the chosen one valves with tubes, other tubes, gas sources and what a day takes."""
-        from .tables import tables_of
-
-        return tables_of(self)
-
-    def rows(self) -> list[dict[str, JsonValue]]:
-        """One row per muscle, as in `to_dict`."""
-        plain = (one.to_dict() for one in self.muscles[: self.shown])
-        return [{k: v for k, v in one.items() if not isinstance(v, dict | list)} for one in plain]
-
-    def failure(self) -> str | None:
-        """The sentence where nothing reaches it."""
-        return None if self.reached else self.sentence()
-
-    def to_dict(self) -> dict[str, JsonValue]:
-        """The whole answer as plain values in SI, for JSON."""
-        top = self.shown
-        return {
-            "reached": self.reached,
-            "wish": self.wish.parts(),
-            "muscles": [one.to_dict() for one in self.muscles[:top]],
-            "chosen": self.chosen.muscle.id,
-            "misses": [
-                {"part": m.part, "asked": m.asked, "reachable": m.reachable, "sentence": m.sentence()}
-                for m in self.misses
-            ],
-            "lines": [line.to_dict() for line in self.lines[:top]],
-            "lengths": [line.to_dict() for line in self.lengths[:top]],
-            "sources": [asdict(one) for one in self.gas_sources],
-            "piston": {k: None if v is None else {"input": v[0], "output": v[1]} for k, v in self.piston.items()},
-            "ranges": None if self.spread is None else self.spread._asdict() | {"to_force": self.time_range},
-            "daily": None if self.daily is None else asdict(self.daily),
-            "posterior": None if self.samples is None else self.samples.to_dict(),
-            "sentence": None if self.reached else self.sentence(),
-        }
-
-    def __repr__(self) -> str:
-        verdict = f"best {self.best.muscle.id}: {self.best.verdict}" if self.reached else self.sentence()
-        return f"Sizing({len(self.muscles)} muscles, {len(self.lines)} lines, {verdict})"
-
-    @property
-    def reached(self) -> bool:
-        """Whether some muscle is sufficient, beyond the error of its law or by its law; with a speed, one that was run."""
-        lined = self.wish.speed is None or not self.lines
-        return any(m.verdict != VERDICTS[2] for m in self.muscles if lined or m.speed is not None)
-
-    @property
-    def nearest(self) -> Judged:
-        """Candidate that comes nearest to the requirements."""
-        return self.chosen if "speed" in self.chosen.margins else self.muscles[0]
-
-    def sentence(self) -> str:
-        """Describe the obstacle, and the change that would make the requirements reachable."""
-        one = self.nearest
-        part, margin = one.worst
-        said = f"nothing reaches it; nearest is {one.muscle.id}, whose {part} falls short by {-margin:.0%}"
-        could = [m for m in self.misses if m.reachable is not None]
-        return said + (f"; what would do: {could[0].sentence()}" if could else "")
 
 
 @verb
@@ -495,29 +333,6 @@ def _chosen(order: list[Judged], name: str | None) -> Judged:
 # ---- force and stroke from the posterior of a law, with what the law has no parameter for
 
 SAMPLES, STROKE_LENGTHS = 400, 64  # samples of the posterior, and lengths between which the end of a stroke lies
-
-
-class PosteriorAnswer(NamedTuple):
-    """Force and stroke from the samples of a posterior, with 95 % intervals.
-
-    Attributes:
-        law: name of the law.
-        force: at the end of the wished stroke, less friction: low, median and high [N].
-        stroke: until the force is the wished one [m], likewise.
-        reached: share of the samples in which the muscle meets force and stroke.
-        within: whether the wished pressure and the end of the stroke lie within the measured map.
-    """
-
-    law: str
-    force: Band
-    stroke: Band
-    reached: float
-    within: bool
-
-    def to_dict(self) -> dict[str, JsonValue]:
-        """Plain values [SI], for JSON."""
-        both = {name: {k: float(v) for k, v in getattr(self, name)._asdict().items()} for name in ("force", "stroke")}
-        return {"law": self.law, **both, "reached": self.reached, "within": self.within}
 
 
 def answer_of_posterior(posterior: Posterior, muscle: Candidate, wish: Requirements) -> PosteriorAnswer:

@@ -22,7 +22,7 @@ class HardwareSpec(NamedTuple):
     """The name of a real machine.
 
     Attributes:
-        words: that name it, see `hardware.interface.connected`.
+        words: that name it, see `hardware.backends.connected`.
         lock_step: it waits for every command, as only a simulated device can.
     """
 

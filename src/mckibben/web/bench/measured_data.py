@@ -15,11 +15,11 @@ import numpy as np
 from ...analysis.channels import Cycle, find_cycles
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
+from ...formats.columns import quantity_of
+from ...formats.registry import part_options, parts_of
 from ...muscles.build import built_muscle
 from ...recordings import ForceMap, Recording, read
-from ...recordings.columns import quantity_of
 from ...recordings.force_map import ALIASES
-from ...recordings.formats import part_options, parts_of
 from ...specimens import Specimen
 from ..charts import plain_numbers
 from ..reader import check_rows, read_outside

@@ -6,26 +6,17 @@
 from typing import TYPE_CHECKING
 
 from ...._lazy import lazy_names, lazy_submodules
-from .link import SerialHardware, SerialStatistics
 
 if TYPE_CHECKING:
     from . import device as device
     from . import microcontroller as microcontroller
     from .device import About as About
+    from .link import SerialHardware as SerialHardware
+    from .link import SerialStatistics as SerialStatistics
     from .microcontroller import in_thread as in_thread
-
-__all__ = [
-    "About",
-    "SerialHardware",
-    "SerialStatistics",
-    "in_thread",
-]
 
 lazy_submodules(__name__)
 lazy_names(
     __name__,
-    {
-        "device": ["About"],
-        "microcontroller": ["in_thread"],
-    },
+    {"device": ["About"], "link": ["SerialHardware", "SerialStatistics"], "microcontroller": ["in_thread"]},
 )

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from ....documents import JsonValue, parse_json
 from ....errors import InputError, MckibbenError
+from ....formats.registry import part_options, parts_of
 from ....identification import Fit
 from ....identification.fit import SCHEMES, fit, rank
 from ....identification.ranking import Ranking, known_of, published_of
@@ -22,7 +23,6 @@ from ....muscles.laws import LAWS, law_type
 from ....quantities import declared, parse
 from ....recordings import ForceMap, read_any, read_force_map
 from ....recordings.force_map import TablePreview, preview_table
-from ....recordings.formats import part_options, parts_of
 from ....specimens import Specimen, map_file, specimen
 from ...reader import check_rows
 from ...shelf import SharedResults

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ....errors import InputError, MckibbenError
-from ....recordings.formats import parts_of
+from ....formats.registry import parts_of
 from ...elements import Element, Timer, call_script, page_document
 from ...reader import is_small, read_outside
 from ...transfers import IncomingFile, UploadPlace, attempt, download, read_with_progress

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ....errors import InputError, MckibbenError
+from ....formats.registry import part_options
 from ....quantities import parse
 from ....recordings import Recording, read_any, write
-from ....recordings.formats import part_options
-from ....recordings.mcap import read_log
+from ....recordings.files import read_log
 from ....report.recording_report import recording_report
 from ...reader import check_rows
 from ...workspace import UPLOADS, Workspace

@@ -21,8 +21,7 @@ from ....analysis.channels import find_cycles
 from ....documents import JsonValue
 from ....errors import MckibbenError
 from ....recordings import Recording, read_any
-from ....recordings.metadata import cautions_of
-from ....recordings.provenance import conditions, differing_conditions
+from ....recordings.provenance import cautions_of, conditions, differing_conditions
 from ....report.blocks import is_number, mapping, significant
 from ....report.origins import known_specimen
 from ...elements import Element

@@ -17,8 +17,8 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 from ..isolation import lacks_memory
-from ._sidecar import one_line, unreadable
-from .formats import FileFormat, ForeignColumn, ForeignTable
+from .sidecar import one_line, unreadable
+from .table import FileFormat, ForeignColumn, ForeignTable
 
 Number = float | bool
 # Type of message -> unit of its fields, as the comments of its definition state; that of a FluidPressure is absolute.

@@ -25,9 +25,8 @@ import numpy as np
 
 from ..documents import JsonValue
 from ..errors import InputError
-from ._sidecar import dumps
-from .metadata import freeze
-from .recording import Channel, check_name
+from .sidecar import dumps
+from .table import Channel, check_name, freeze
 from .text import plain_names
 
 TOPIC, EVENTS = "/recording", "/events"

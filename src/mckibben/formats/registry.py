@@ -11,28 +11,21 @@ A format is imported when a file with its suffix is met, and not before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from ..documents import JsonValue, no_file
 from ..errors import InputError, MckibbenError
-from ..extras import library
 from ..isolation import call_outside
 from ..registry import Registry
-
-if TYPE_CHECKING:
-    from .recording import Recording
+from .table import FileFormat, ForeignTable, StoredRecording
 
 # Suffix without its dot -> module beside this one and the name of its format.
 BUILT_IN = {
-    "nc": "_store:NETCDF", "csv": "_store:CSV", "mcap": "mcap:FORMAT", "mat": "_exchange:MATLAB", "tdms": "_exchange:TDMS",
-    "parquet": "_exchange:PARQUET", "txt": "_store:TEXT", "tsv": "_store:TEXT", "dat": "_store:TEXT", "gz": "_store:TEXT",
+    "nc": "store:NETCDF", "csv": "store:CSV", "mcap": "mcap:FORMAT", "mat": "exchange:MATLAB", "tdms": "exchange:TDMS",
+    "parquet": "exchange:PARQUET", "txt": "store:TEXT", "tsv": "store:TEXT", "dat": "store:TEXT", "gz": "store:TEXT",
     "xlsx": "text:SPREADSHEETS", "xls": "text:SPREADSHEETS", "ods": "text:SPREADSHEETS",
-    "h5": "_hdf5:FORMAT", "hdf5": "_hdf5:FORMAT", "db3": "_messages:BAGS", "bag": "_messages:BAGS", "ddf": "_ddf:FORMAT",
+    "h5": "store:HDF5", "hdf5": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS", "ddf": "ddf:FORMAT",
 }  # fmt: skip
 
 
@@ -41,97 +34,14 @@ SMALL_TEXT = 1 << 19  # [B]
 _NOT_THERE = "format of another process"
 
 
-class ForeignColumn(NamedTuple):
-    """A column of a file that another program wrote.
-
-    Args:
-        label: its name in the file.
-        values: (n,) numbers, flags or dates; cells in words (object) of a table of text.
-        unit: as text, where the file states one beside the name.
-        clock: columns that share their samples share this word.
-        time: (n,) [s] where the file implies it, by a rate or by stamps.
-    """
-
-    label: str
-    values: np.ndarray
-    unit: str | None = None
-    clock: str = ""
-    time: np.ndarray | None = None
-
-
-class ForeignTable(NamedTuple):
-    """The columns of a file that another program wrote, what else it says for the meta, and a line for each loss.
-
-    Args:
-        columns: the columns.
-        notes: what else the file says, for the meta.
-        remarks: a line for each thing that is left out.
-        rows: of a table of cells, the number in the file of each row, which messages name.
-        named: whether the labels are those of the file.
-    """
-
-    columns: list[ForeignColumn]
-    notes: Mapping[str, Any] = {}
-    remarks: list[str] = []
-    rows: Sequence[int] | None = None
-    named: bool = True
-
-    def place(self, index: int) -> str:
-        """Value `index` in the words of a message, such as ``, row 7`` or ``, sample 7``."""
-        return f", sample {index + 1}" if self.rows is None else f", row {self.rows[index]}"
-
-
-class ImportResult(NamedTuple):
-    """A recording, and a line for each thing that was not taken over as it is."""
-
-    recording: Recording
-    remarks: list[str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileFormat:
-    """A file format.
-
-    Attributes:
-        title: its name in the plural, for sentences, such as ``"TDMS files"``.
-        read: reads a file, as a recording of mckibben or as the columns of another program's table; raises `InputError`.
-        write: writes a recording and returns a line for each thing that the format holds otherwise; None if the format
-            is only read.
-        requires: library without which nothing is written, a key of `extras.LIBRARIES`.
-        options: names of further keywords of `read`, such as ``gear_ratio``.
-        parts: names of the parts of a file of which the first of `options` chooses one, such as the sheets of a spreadsheet.
-    """
-
-    title: str
-    read: Callable[..., ImportResult | ForeignTable]
-    write: Callable[[Recording, Path], list[str]] | None = field(default=None)
-    requires: str = ""
-    options: tuple[str, ...] = ()
-    parts: Callable[[Path], list[str]] | None = None
-
-    def check_libraries(self, where: str) -> None:
-        """Refuse to write where a library is missing, before a long file is read.
-
-        Raises:
-            MissingLibraryError: names the library and how to install it.
-        """
-        if self.requires:
-            library(self.requires, f"{self.title} need", where=where)
-
-
 FORMATS: Registry[FileFormat] = Registry(
-    "mckibben.formats", "format", {name: f"mckibben.recordings.{place}" for name, place in BUILT_IN.items()}
+    "mckibben.formats", "format", {name: f"mckibben.formats.{place}" for name, place in BUILT_IN.items()}
 )  # fmt: skip
 
 
-def suffixes() -> tuple[str, ...]:
-    """Suffixes of all formats, those of other packages last."""
-    return tuple(f".{name}" for name in FORMATS)
-
-
 def readable() -> tuple[str, ...]:
-    """Suffixes of all files that can be read."""
-    return suffixes()
+    """Suffixes of all files that can be read, those of other packages last."""
+    return tuple(f".{name}" for name in FORMATS)
 
 
 def writable() -> tuple[str, ...]:
@@ -178,7 +88,7 @@ def part_options(path: Path, part: str) -> dict[str, JsonValue]:
     return {file_format.options[0]: part} if part and file_format is not None and file_format.parts is not None else {}
 
 
-def load(path: Path, **options: object) -> ImportResult | ForeignTable:
+def load(path: Path, **options: object) -> StoredRecording | ForeignTable:
     """Read a file as its format does: as a recording of mckibben, or as the columns of another program's table.
 
     Args:
@@ -220,7 +130,7 @@ def load(path: Path, **options: object) -> ImportResult | ForeignTable:
         raise error if error.where else error.at(where) from None
 
 
-def read_as_format(path: Path, **stated: Any) -> ImportResult | ForeignTable:
+def read_as_format(path: Path, **stated: Any) -> StoredRecording | ForeignTable:
     """Call the reader of a path's suffix."""
     return _format_there(path).read(path, **stated)
 

@@ -29,10 +29,9 @@ import numpy as np
 from ..documents import ErrorKeepingFile, JsonValue
 from ..errors import InputError
 from ..extras import library
-from ._hdf5 import check_self_contained
-from ._sidecar import KEY, dumps, loads, one_line, unreadable
-from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
-from .recording import Recording
+from .sidecar import KEY, dumps, loads, one_line, unreadable
+from .store import check_self_contained
+from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording
 from .text import plain_names
 
 _LARGEST = 2**31 - 1  # [B] of a variable of version 5
@@ -47,16 +46,17 @@ _BLOCK = 1 << 20  # [B]
 _DEEPEST = 20  # structs in structs
 
 
-def write_matlab(recording: Recording, path: Path) -> list[str]:
+def write_matlab(recording: Samples, path: Path) -> list[str]:
     """Write a ``.mat`` file of version 5; a remark states which names MATLAB would not permit."""
     from scipy.io import savemat
 
-    if len(recording) * 8 > _LARGEST:
+    if len(recording.time) * 8 > _LARGEST:
         allowed = f"a MATLAB file of version 5 holds {_LARGEST // 8}; take netCDF, which MATLAB reads too"
-        raise InputError("samples", len(recording), allowed, where=str(path))
+        raise InputError("samples", len(recording.time), allowed, where=str(path))
     names = matlab_names(recording.channels)
-    columns = {plain: recording[name] for plain, name in zip(names, recording.channels, strict=True)}
-    units = {plain: recording.unit(name) for plain, name in zip(names, recording.channels, strict=True)}
+    channels = dict(zip(names, recording.channels.values(), strict=True))
+    columns = {plain: channel.values for plain, channel in channels.items()}
+    units = {plain: channel.unit for plain, channel in channels.items()}
     more = {"units": {"time": "s", **units}, KEY: dumps(recording.channels, recording.meta)}
     savemat(path, {"time": recording.time, **columns, **more}, appendmat=False, oned_as="column", **_KEPT)
     renamed = [(name, plain) for name, plain in zip(recording.channels, names, strict=True) if name != plain]
@@ -78,7 +78,7 @@ def _allowed(name: str) -> str:
     return f"x{plain}" if plain in _KEYWORDS else plain
 
 
-def read_matlab(path: Path) -> ImportResult | ForeignTable:
+def read_matlab(path: Path) -> StoredRecording | ForeignTable:
     """Read a recording of mckibben, or of another program's file the vectors, with small values for the metadata.
 
     Raises:
@@ -95,8 +95,7 @@ def read_matlab(path: Path) -> ImportResult | ForeignTable:
         sidecar = loads(line, where)
         # the reader makes one number of an array of one
         numbers = {k: np.atleast_1d(v) for k, v in variables.items() if isinstance(v, np.ndarray | int | float)}
-        recording = sidecar.from_columns(numbers, "time", matlab_names(sidecar.channels), where)
-        return ImportResult(recording, [])
+        return sidecar.from_columns(numbers, "time", matlab_names(sidecar.channels), where)
     units = variables.get("units")
     words = {k: v for k, v in units.items() if isinstance(v, str)} if isinstance(units, Mapping) else {}
     columns: list[ForeignColumn] = []
@@ -174,7 +173,7 @@ GROUP = "recording"
 _UNITS = ("unit_string", "NI_UnitDescription", "NI_ChannelUnit", "unit")
 
 
-def write_tdms(recording: Recording, path: Path) -> list[str]:
+def write_tdms(recording: Samples, path: Path) -> list[str]:
     """Write a ``.tdms`` file."""
     nptdms = library("nptdms", "TDMS files need", where=str(path))
     root = {KEY: dumps(recording.channels, recording.meta)}
@@ -195,7 +194,7 @@ def write_tdms(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-def read_tdms(path: Path) -> ImportResult | ForeignTable:
+def read_tdms(path: Path) -> StoredRecording | ForeignTable:
     """Read a recording of mckibben, or of another program's file the channels, with its properties for the metadata.
 
     Raises:
@@ -216,7 +215,7 @@ def read_tdms(path: Path) -> ImportResult | ForeignTable:
         if logged:
             raise InputError("file", None, f"is damaged or cut off ({logged[0]})", where=where)
         sidecar = loads(line, where)
-        return ImportResult(sidecar.from_columns(columns, "time", list(sidecar.channels), where), [])
+        return sidecar.from_columns(columns, "time", list(sidecar.channels), where)
     return ForeignTable(foreign, {"properties": properties}, list(dict.fromkeys(logged)))
 
 
@@ -265,7 +264,7 @@ def _plain(value: Any) -> Any:
 TDMS = FileFormat(title="TDMS files", read=read_tdms, write=write_tdms, requires="nptdms")
 
 
-def write_parquet(recording: Recording, path: Path) -> list[str]:
+def write_parquet(recording: Samples, path: Path) -> list[str]:
     """Write a ``.parquet`` file."""
     polars = library("polars", "Parquet files need", where=str(path))
     columns = {f"{name} [{c.unit}]": c.values for name, c in recording.channels.items()}
@@ -275,7 +274,7 @@ def write_parquet(recording: Recording, path: Path) -> list[str]:
     return []
 
 
-def read_parquet(path: Path) -> ImportResult | ForeignTable:
+def read_parquet(path: Path) -> StoredRecording | ForeignTable:
     """Read a recording of mckibben, or the columns of another program's table.
 
     Raises:
@@ -291,7 +290,7 @@ def read_parquet(path: Path) -> ImportResult | ForeignTable:
         return ForeignTable([ForeignColumn(n, values, None, f"{len(values)} samples") for n, values in columns.items()])
     sidecar = loads(line, where)
     names = [f"{name} [{c.unit}]" for name, c in sidecar.channels.items()]
-    return ImportResult(sidecar.from_columns(columns, "time [s]", names, where), [])
+    return sidecar.from_columns(columns, "time [s]", names, where)
 
 
 PARQUET = FileFormat(title="Parquet files", read=read_parquet, write=write_parquet, requires="polars")

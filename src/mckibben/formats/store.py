@@ -1,15 +1,23 @@
-"""The two formats of mckibben: netCDF for work, CSV for other programs. Both give back exactly what was saved.
+"""The two formats of mckibben: netCDF for work, CSV for other programs; and HDF5 of other programs.
+
+Recordings come back from both exactly as they were saved.
 
 netCDF: a coordinate ``time`` [s], one variable per channel with the attributes ``units``, ``long_name`` and ``kind``, and
 the global attributes ``schema`` and ``meta`` (JSON); at its end a seal, which other programs do not see. CSV: the lines
 ``# schema: 1``, ``# channels: {..}`` (kind and meaning) and ``# meta: {..}``, each JSON in one line, then the header
 ``time [s],tank.pressure [Pa],..`` and the numbers in the shortest form that reads back exactly.
+
+The seal of a netCDF file is a digest of all before it, which HDF5 does not look at: a file whose seal is whole is as it
+was written, unless somebody forged it. It is no reason to trust a file: whatever HDF5 parses, it parses in a process that
+may be ended.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,11 +26,8 @@ import numpy as np
 
 from ..documents import ErrorKeepingFile
 from ..errors import InputError
-from ._hdf5 import check_self_contained, seal, sealed
-from ._sidecar import check_schema, one_line, parse, unreadable
-from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
-from .metadata import SCHEMA, file_attributes, to_json
-from .recording import Channel, Recording, channel_attributes
+from .sidecar import SCHEMA, check_schema, file_attributes, one_line, parse, to_json, unreadable
+from .table import Channel, FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, channel_attributes
 from .text import read_text_table
 
 BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
@@ -44,7 +49,130 @@ class NetCDF(NamedTuple):
     attrs: dict[str, Any]
 
 
-def write_netcdf(recording: Recording, path: Path) -> list[str]:
+UNITS = ("units", "unit", "Units", "Unit")  # attributes that state a unit
+
+
+class Dataset(NamedTuple):
+    """A data set of an HDF5 file: path in the file, values, and attributes in words."""
+
+    name: str
+    values: np.ndarray
+    attrs: dict[str, str]
+
+
+def content(path: str | Path) -> tuple[list[Dataset], dict[str, str]]:
+    """The data sets of a file, and the attributes of its root."""
+    import h5py
+
+    check_self_contained(path)
+    sets: list[Dataset] = []
+    with h5py.File(path, "r") as file:
+
+        def visit(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiubV" and item.ndim:
+                sets.append(Dataset(name, item[...], _words(item.attrs)))
+
+        file.visititems(visit)
+        return sets, _words(file.attrs)
+
+
+def _words(attrs: Any) -> dict[str, str]:
+    return {str(k): v.decode("utf-8", "replace") if isinstance(v, bytes) else str(v)[:200] for k, v in attrs.items()}
+
+
+def read_hdf5(path: Path) -> ForeignTable:
+    """Read the rows of numbers of a file; groups become the first words of the labels.
+
+    Raises:
+        InputError: the file cannot be read, or takes its numbers from other files.
+    """
+    with unreadable("an HDF5 file", str(path)):
+        sets, attributes = content(path)
+    columns: list[ForeignColumn] = []
+    remarks: list[str] = []
+    for one in sets:
+        label = one.name.replace("/", ".")
+        unit = next((one.attrs[key] for key in UNITS if one.attrs.get(key)), None)
+        clock = f"{one.name.rpartition('/')[0]} {len(one.values)} samples".strip()
+        if one.values.dtype.names:
+            fields = [f for f in one.values.dtype.names if one.values.dtype[f].kind in "fiub" and one.values.ndim == 1]
+            columns += [ForeignColumn(f"{label}.{f}", one.values[f], None, clock) for f in fields]
+        elif one.values.ndim == 2 and 1 in one.values.shape:
+            columns.append(
+                ForeignColumn(
+                    label, one.values.ravel(), unit, clock.replace(f" {len(one.values)} ", f" {one.values.size} ")
+                )
+            )
+        elif one.values.ndim == 1:
+            columns.append(ForeignColumn(label, one.values, unit, clock))
+        else:
+            shape = " x ".join(map(str, one.values.shape))
+            remarks.append(f"{label} is left out: its shape is {shape}, and a channel is one row of numbers")
+    return ForeignTable(columns, {"attributes": attributes} if attributes else {}, remarks)
+
+
+SEAL = b"\nmckibben-seal:"
+SEAL_DIGEST = 32  # [B]
+SEAL_BLOCK = 1 << 20
+
+
+def seal(path: Path) -> None:
+    """Append a seal to a file."""
+    digest = _digest(path, os.path.getsize(path))
+    with open(path, "ab") as stream:
+        stream.write(SEAL + digest)
+
+
+def sealed(path: Path) -> bool | None:
+    """Whether a file is as it was when its seal was put; None if it has none."""
+    size = os.path.getsize(path) - SEAL_DIGEST - len(SEAL)
+    if size < 0:
+        return None
+    with open(path, "rb") as stream:
+        stream.seek(size)
+        end = stream.read()
+    return end[len(SEAL) :] == _digest(path, size) if end.startswith(SEAL) else None
+
+
+def check_self_contained(path: str | os.PathLike[str]) -> None:
+    """Refuse an HDF5 file with links to other files.
+
+    Raises:
+        ValueError: names the variable.
+    """
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        return
+    with h5py.File(path, "r") as file:
+        groups, known = [file["/"]], set()
+        while groups:
+            group = groups.pop()
+            for name in group:
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    raise ValueError(f"{name} lies in another file, {link.filename}")
+                if isinstance(link, h5py.SoftLink):
+                    continue  # what it leads to is met, too
+                item = group[name]
+                if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+                    raise ValueError(f"the numbers of {name} lie in another file")
+                address = h5py.h5o.get_info(item.id).addr
+                if isinstance(item, h5py.Group) and address not in known:
+                    known.add(address)
+                    groups.append(item)
+
+
+def _digest(path: Path, size: int) -> bytes:
+    digest = hashlib.sha256()
+    with open(path, "rb") as stream:
+        while size > 0 and (block := stream.read(min(SEAL_BLOCK, size))):
+            digest.update(block)
+            size -= len(block)
+    return digest.digest()
+
+
+def write_netcdf(recording: Samples, path: Path) -> list[str]:
     """Write a ``.nc`` file."""
     # Not by xarray, which takes two seconds to be there: a command that saves a recording would take twice as long.
     import h5netcdf
@@ -71,7 +199,7 @@ def loaded(path: str | Path) -> NetCDF:
         return NetCDF(variables, dict(file.attrs))
 
 
-def read_netcdf(path: Path) -> ImportResult | ForeignTable:
+def read_netcdf(path: Path) -> StoredRecording | ForeignTable:
     """Read a ``.nc`` file, of mckibben or of another program; a broken seal is a warning in the metadata."""
     whole = sealed(path)
     with unreadable("a netCDF file"):
@@ -92,7 +220,7 @@ def read_netcdf(path: Path) -> ImportResult | ForeignTable:
         raise InputError("time", None, "is missing: a recording has the coordinate time")
     if whole is False:
         meta = {**meta, "warnings": [*meta.get("warnings", ()), BROKEN_SEAL]}
-    return ImportResult(Recording(file.variables["time"].values, channels, meta), [])
+    return StoredRecording(file.variables["time"].values, channels, meta)
 
 
 def _foreign_netcdf(file: NetCDF) -> ForeignTable:
@@ -110,7 +238,7 @@ def _foreign_netcdf(file: NetCDF) -> ForeignTable:
     return ForeignTable(columns, {"attributes": notes} if notes else {}, remarks)
 
 
-def write_csv(recording: Recording, path: Path) -> list[str]:
+def write_csv(recording: Samples, path: Path) -> list[str]:
     """Write a ``.csv`` file."""
     about = {name: {"kind": c.kind, "meaning": c.meaning} for name, c in recording.channels.items()}
     header = ["time [s]", *(f"{name} [{c.unit}]" for name, c in recording.channels.items())]
@@ -134,7 +262,7 @@ def is_recording_csv(path: Path) -> bool:
         return stream.readline(200).removeprefix(b"\xef\xbb\xbf").strip() == CSV_HEAD.encode()
 
 
-def read_csv(path: Path) -> ImportResult | ForeignTable:
+def read_csv(path: Path) -> StoredRecording | ForeignTable:
     """Read a ``.csv`` file: a recording that `write_csv` wrote, or a text table of another program."""
     if not is_recording_csv(path):
         return read_text_table(path)
@@ -155,7 +283,7 @@ def read_csv(path: Path) -> ImportResult | ForeignTable:
         if not isinstance(of, Mapping) or not unit.endswith("]"):
             raise InputError("header", cell, "must be 'name [unit]' with a name that the line '# channels' knows")
         channels[name] = Channel(table[:, i], unit[:-1], of.get("kind", ""), of.get("meaning", ""))
-    return ImportResult(Recording(table[:, 0], channels, parse(head.get("meta"), "meta")), [])
+    return StoredRecording(table[:, 0], channels, parse(head.get("meta"), "meta"))
 
 
 def _csv_head(stream: io.TextIOBase) -> tuple[dict[str, str], list[str]]:
@@ -192,3 +320,4 @@ def _csv_numbers(stream: io.TextIOBase, before: int, header: list[str]) -> np.nd
 NETCDF = FileFormat(title="netCDF files", read=read_netcdf, write=write_netcdf)
 CSV = FileFormat(title="CSV files", read=read_csv, write=write_csv)
 TEXT = FileFormat(title="Text files", read=read_text_table)
+HDF5 = FileFormat(title="HDF5 files", read=read_hdf5)

@@ -1,7 +1,7 @@
 """What the columns of other programs mean: names, units, numbers and the clock; and how they become a recording.
 
 Each format gives a `ForeignTable`; from there on all files are treated alike, for recordings here, for force maps in
-`force_map`.
+`recordings.force_map`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ import numpy as np
 
 from ..errors import InputError, choice
 from ..quantities import with_unit
-from .formats import ForeignColumn, ForeignTable, ImportResult
-from .recording import Channel, Recording, check_name, is_pressure, si_of
+from .table import Channel, ForeignColumn, ForeignTable, StoredRecording, check_name, is_pressure, si_of
 from .text import MISSING, is_number, plain_text, rows_left_out, split_header, to_numbers, with_points
 
 AMBIENT = 101325.0  # [Pa], says where vacuum is
@@ -308,7 +307,7 @@ def assemble(
     ambient: float = AMBIENT,
     required: Iterable[str] = (),
     strict: bool = False,
-) -> ImportResult:
+) -> StoredRecording:
     """Make a recording of another program's table: one clock, SI units, dotted names.
 
     Args:
@@ -371,7 +370,7 @@ def assemble(
     if blank:
         source["left_out"] = blank
     try:
-        return ImportResult(Recording(time, channels, {"title": path.name, "source": source}), remarks)
+        return StoredRecording(time, channels, {"title": path.name, "source": source}, remarks)
     except InputError as error:
         raise error.at(where) from None
 

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from .formats import FileFormat, ForeignColumn, ForeignTable
-from .recording import si_of
+from .table import FileFormat, ForeignColumn, ForeignTable, si_of
 from .text import to_numbers
 
 # Names by the dimension of the first two inputs and outputs: the lever's length and force, as workloopR names them.

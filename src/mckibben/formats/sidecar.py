@@ -7,6 +7,7 @@ MCAP, MATLAB, TDMS and Parquet files of mckibben carry it; with it they give bac
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -14,12 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..documents import JsonValue
+from ..documents import JsonValue, parse_json
 from ..errors import InputError
 from ..isolation import lacks_memory
-from .metadata import SCHEMA, from_json, to_json
-from .recording import Channel, Recording
+from .table import Channel, StoredRecording
 
+# {"$float": "nan"} stands for a number that JSON has no word for; keys that begin with $ are kept for this.
+_MARK = "$float"
+SCHEMA = 1  # of recordings in files
 # The key, property or variable of a file that holds the line.
 KEY = "mckibben"
 
@@ -31,14 +34,16 @@ class Sidecar(NamedTuple):
     meta: dict[str, Any]
     samples: int | None = None
 
-    def recording(self, time: ArrayLike, columns: Sequence[ArrayLike]) -> Recording:
+    def recording(self, time: ArrayLike, columns: Sequence[ArrayLike]) -> StoredRecording:
         """The recording of a time (n,) [s] and columns (n,) in the order of the channels [their units]."""
         filled = zip(self.channels.items(), columns, strict=True)
-        return Recording(
+        return StoredRecording(
             np.asarray(time), {name: channel.with_values(values) for (name, channel), values in filled}, self.meta
         )
 
-    def from_columns(self, columns: Mapping[str, ArrayLike], time: str, names: Sequence[str], where: str) -> Recording:
+    def from_columns(
+        self, columns: Mapping[str, ArrayLike], time: str, names: Sequence[str], where: str
+    ) -> StoredRecording:
         """The recording of a file's columns, by the name of the time and those of the channels in their order."""
         for name in (time, *names):
             if name not in columns:
@@ -49,6 +54,31 @@ class Sidecar(NamedTuple):
             return self.recording(columns[time], [columns[name] for name in names])
         except InputError as error:
             raise error.at(where) from None
+
+
+def to_json(meta: Mapping[str, JsonValue], *, ascii_only: bool = False) -> str:
+    """Format the metadata as one line of standard JSON."""
+    return json.dumps(_marked(meta), ensure_ascii=ascii_only, allow_nan=False)
+
+
+def from_json(text: str) -> JsonValue:
+    """Parse what `to_json` wrote."""
+    return parse_json(text, object_hook=lambda table: float(table[_MARK]) if _MARK in table else table)
+
+
+def file_attributes(meta: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
+    """The global attributes of a netCDF file: the metadata as JSON, and title and date once more for other programs."""
+    lines = {key: meta[key] for key in ("title", "created") if isinstance(meta.get(key), str)}
+    plain = {key: text for key, text in lines.items() if text and text.isprintable()}
+    return {**plain, "schema": SCHEMA, "meta": to_json(meta)}
+
+
+def _marked(value: Any) -> JsonValue:
+    if isinstance(value, float) and not math.isfinite(value):
+        return {_MARK: repr(value)}
+    if isinstance(value, dict):
+        return {key: _marked(item) for key, item in value.items()}
+    return [_marked(item) for item in value] if isinstance(value, list) else value
 
 
 def dumps(channels: Mapping[str, Channel], meta: Mapping[str, JsonValue], samples: int | None = None) -> str:

@@ -5,18 +5,20 @@ Of another program's file messages of JSON, protobuf and ROS 2 are read.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..documents import JsonValue, no_file, parse_json
 from ..errors import InputError, MissingLibraryError
 from ..isolation import call_outside, lacks_memory
-from ._mcap_records import (
+from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog
+from .mcap_records import (
     ATTACHMENT,
     CHANNEL,
     CHUNK,
@@ -33,7 +35,7 @@ from ._mcap_records import (
     records,
     records_inside,
 )
-from ._messages import (
+from .messages import (
     JOINT_REMARK,
     LoggedMessage,
     json_message,
@@ -43,24 +45,14 @@ from ._messages import (
     ros_message,
     ros_units,
 )
-from ._sidecar import KEY, Sidecar, loads
-from .formats import FileFormat, ForeignColumn, ForeignTable, ImportResult
-from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog
-from .recording import Recording
+from .sidecar import KEY, Sidecar, loads
+from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording
 
 _SAMPLE_ID, _EVENT_ID = 1, 2  # as the live log numbers its topics; needed where the chunk that says so is damaged
 _STAMPS = 22  # [B] of a message before its data: topic, number, two times
 _MOST_GAPS = 5  # that are named one by one
 _BLOCK = 4096  # samples that an export hands over at once
 _STAMP = struct.Struct("<HIQQ")  # topic, number, two times [ns]
-
-
-class LogContent(NamedTuple):
-    """The content of a log: the recording, whether the log is whole, and a line for each thing that is not."""
-
-    recording: Recording
-    whole: bool
-    remarks: list[str]
 
 
 class _LogParts:
@@ -76,7 +68,7 @@ class _LogParts:
         self.sample, self.event = _SAMPLE_ID, _EVENT_ID
 
 
-def read_log(path: str | Path) -> LogContent:
+def read_log(path: str | Path) -> StoredRecording:
     """Read a log of a bench, or a recording exported as MCAP, in whatever state it is.
 
     Only samples whose checksum agrees are given back. What the log lost also stands in the meta's ``warnings``; remarks made
@@ -93,7 +85,7 @@ def read_log(path: str | Path) -> LogContent:
     return call_outside(parse_log, path)
 
 
-def parse_log(path: Path) -> LogContent:
+def parse_log(path: Path) -> StoredRecording:
     """`read_log` in the process that calls it."""
     try:
         return _log(_gather(memoryview(path.read_bytes()), str(path)), str(path))
@@ -108,7 +100,7 @@ def is_log(path: Path) -> bool:
     return struct.pack("<I", len(KEY)) + KEY.encode() in begin[:64] or HEAD.encode() in begin
 
 
-def write_log(recording: Recording, path: Path) -> None:
+def write_log(recording: Samples, path: Path) -> list[str]:
     """Write a recording as a closed log."""
     start = 0
     try:
@@ -117,11 +109,12 @@ def write_log(recording: Recording, path: Path) -> None:
         pass  # without a date, the log begins at 1970 for other programs
     live = LiveLog(path, recording.channels, recording.meta, flush=np.inf, sync=None, start=start)
     columns = [c.values for c in recording.channels.values()]
-    for i in range(0, len(recording), _BLOCK):
+    for i in range(0, len(recording.time), _BLOCK):
         part = slice(i, i + _BLOCK)
         time = recording.time[part]
         live.append(time, np.stack([c[part] for c in columns], axis=1) if columns else np.empty((len(time), 0)))
     live.close()
+    return []
 
 
 def _gather(data: memoryview, where: str) -> _LogParts:
@@ -196,7 +189,7 @@ def _read_event(data: bytes) -> list[dict[str, JsonValue]]:
         return []
 
 
-def _log(log: _LogParts, where: str) -> LogContent:
+def _log(log: _LogParts, where: str) -> StoredRecording:
     known = log.head or log.names
     if known is None:
         allowed = "has no head: this is no log of mckibben, or both places that name its channels are damaged"
@@ -215,7 +208,7 @@ def _log(log: _LogParts, where: str) -> LogContent:
         recording = Sidecar(known.channels, meta).recording(rows[:, 1], list(rows[:, 2:].T))
     except InputError as error:
         raise error.at(where) from None
-    return LogContent(recording, not remarks, remarks)
+    return dataclasses.replace(recording, remarks=remarks)
 
 
 def _is_among(new: Any, old: Any) -> bool:
@@ -373,16 +366,8 @@ def _decode(
     return decoded, units
 
 
-def _read(path: Path, topic: str | None = None) -> ImportResult | ForeignTable:
-    if is_log(path):
-        log = read_log(path)
-        return ImportResult(log.recording, log.remarks)
-    return read_foreign(path, topic)
-
-
-def _write(recording: Recording, path: Path) -> list[str]:
-    write_log(recording, path)
-    return []
+def _read(path: Path, topic: str | None = None) -> StoredRecording | ForeignTable:
+    return read_log(path) if is_log(path) else read_foreign(path, topic)
 
 
 def topic_names(path: Path) -> list[str]:
@@ -398,4 +383,4 @@ def topic_names(path: Path) -> list[str]:
     return [] if TOPIC in names else sorted(names)
 
 
-FORMAT = FileFormat(title="MCAP files", read=_read, write=_write, options=("topic",), parts=topic_names)
+FORMAT = FileFormat(title="MCAP files", read=_read, write=write_log, options=("topic",), parts=topic_names)

@@ -24,8 +24,8 @@ from ..documents import no_file
 from ..errors import InputError
 from ..extras import library
 from ..isolation import call_outside, check_unpacked
-from ._sidecar import unreadable
-from .formats import FileFormat, ForeignColumn, ForeignTable
+from .sidecar import unreadable
+from .table import FileFormat, ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
 MARKS = ("\t", ";", ",", None)  # None stands for blanks
@@ -436,7 +436,9 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
     if not tables:
         raise InputError("file", None, "is empty", where=where)
     ((name, rows),) = tables.items()
-    table = table_of_rows(_trimmed(rows), where)
+    # columns at the left and right in which all cells are blank are no part of the table
+    used = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
+    table = table_of_rows([(n, row[used[0] : used[-1] + 1]) for n, row in rows], where)
     return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
 
 
@@ -459,12 +461,6 @@ def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
     if sheet not in names:
         raise InputError("sheet", sheet, known=names, where=where)
     return [sheet]
-
-
-def _trimmed(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    """The rows without columns at the left and right in which all cells are blank."""
-    filled = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
-    return [(n, row[filled[0] : filled[-1] + 1]) for n, row in rows]
 
 
 def _cell_text(cell: object) -> str:
