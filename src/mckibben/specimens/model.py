@@ -87,7 +87,8 @@ class Specimen:
     """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it.
 
     A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`. `errors`
-    states by law how far its tension is from what was measured or printed, see `specimens.load.KNOWN_ERRORS`.
+    states by law how far its tension is from what was measured or printed, see `specimens.load.KNOWN_ERRORS`, and `between`
+    how far another muscle of the make differs, see `specimens.load.KNOWN_BETWEEN`.
 
     Examples:
         >>> import mckibben as mk
@@ -111,6 +112,7 @@ class Specimen:
     friction: dict[str, Group] = entry(_read_groups, default_factory=dict)
     errors: dict[str, Group] = entry(_read_groups, default_factory=dict)
     valve: Group = entry(_read_group, default_factory=dict)
+    between: Group = entry(_read_group, default_factory=dict)
     map: str | None = word(default=None)
     where: str = ""
 
