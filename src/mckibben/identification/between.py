@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Caution
+from ..answers import Caution, warn
 from ..documents import JsonValue
 from ..errors import InputError
 from ..estimation import NORMAL_QUANTILE, UNDETERMINED, Estimation
@@ -58,6 +58,7 @@ LEAST_SHORTENED, MOST_SHORTENED = 0.7, 0.98  # ends of a plausible shortest leng
 READ_FROM = 4e5  # gauge pressure below which a reading tells little [Pa]
 READ_PRESSURES, READ_SHORTENED = "5 to 6 bar", 0.04
 READING = "reading_tensions"
+OF_THE_LAW = ("rms", "largest")  # errors that remain those of the law where a muscle is calibrated
 SURPRISING = 3.0  # deviations from which a reading is not one of such a muscle
 
 
@@ -394,14 +395,26 @@ class NewMuscle:
         covariance = self.between.own_covariance(read) + read.slopes @ self.spread @ read.slopes.T
         return np.linalg.inv(covariance + self.noise**2 * np.eye(len(read.length)))
 
+    def share(self) -> float:
+        """Mean half width of the 95 % interval over the measured range, as a share of the largest tension [1]."""
+        length, pressure = self._grid()
+        mean, half = self.predict(length, pressure)
+        return float(np.mean(half[mean > 0.0])) / self.muscle.largest
+
+    def _grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths and pressures over the measured range."""
+        muscle = self.muscle
+        lengths = np.linspace(muscle.shortest * muscle.rest_length, muscle.rest_length, GRID[0])
+        pressures = np.linspace(LEAST_SHARE, 1.0, GRID[1]) * muscle.highest_pressure
+        length, pressure = (axis.ravel() for axis in np.meshgrid(lengths, pressures))
+        return length, pressure
+
     def calibrated(self) -> dict[str, float]:
         """Fitted parameters of the law that comes nearest to the conditional mean [SI]; without readings as they are."""
         muscle = self.muscle
         if not self.readings:
             return dict(zip(muscle.free, muscle.values().tolist(), strict=True))
-        lengths = np.linspace(muscle.shortest * muscle.rest_length, muscle.rest_length, GRID[0])
-        pressures = np.linspace(LEAST_SHARE, 1.0, GRID[1]) * muscle.highest_pressure
-        length, pressure = (axis.ravel() for axis in np.meshgrid(lengths, pressures))
+        length, pressure = self._grid()
         mean, covariance = self.moments(length, pressure)
         taut = mean > 0.0
         problem = muscle.problem(length[taut], pressure[taut])
@@ -661,6 +674,13 @@ def calibrate_muscle(muscle: Muscle, readings: Any, *, same_rig: bool = False) -
     return muscle.with_fields(law=muscle.law.replace(**moved), specimen=made), new
 
 
+def calibrate(muscle: Muscle, readings: Any, *, same_rig: bool = False) -> Muscle:
+    """A muscle of a specimen, calibrated; its cautions go out as warnings. What `Muscle.calibrate` does."""
+    made, new = calibrate_muscle(muscle, readings, same_rig=same_rig)
+    warn(new.cautions(), stacklevel=4)
+    return made
+
+
 def calibrated_specimen(spec: Specimen, name: str, new: NewMuscle) -> Specimen:
     """A specimen with the parameters of a law moved by readings, which it states with what they were before."""
     count = f"{len(new.readings)} reading{'s' * (len(new.readings) > 1)}"
@@ -675,6 +695,8 @@ def calibrated_specimen(spec: Specimen, name: str, new: NewMuscle) -> Specimen:
         f"{BEFORE}{key}": SpecimenNumber(value=value, unit=units[key], note="before the readings")
         for key, value in before.items()
     }
+    share = float(f"{new.share():.2g}")
+    stated["calibrated"] = SpecimenNumber(value=share, unit="1", inferred=True, note=f"computed, after {count}")
     for at, (key, unit) in enumerate((("lengths", "m"), ("pressures", "Pa"), ("tensions", "N"))):
         column = [float(reading[at]) for reading in new.readings]
         stated[f"reading_{key}"] = SpecimenNumber(value=column, unit=unit, note="of this muscle")
@@ -685,6 +707,6 @@ def calibrated_specimen(spec: Specimen, name: str, new: NewMuscle) -> Specimen:
         title=spec.title if READING in spec.between else f"{spec.title}, calibrated",
         map=None,
         laws={name: group},
-        errors={},
+        errors={name: {key: number for key, number in spec.errors.get(name, {}).items() if key in OF_THE_LAW}},
         between=stated,
     )

@@ -318,14 +318,15 @@ class Fit(ErrorMeasures):
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
         The interval is of a further reading. Where the table has several rest lengths, it is that of one more muscle of the
-        kind (`between`), on the rig of the table or elsewhere. Of a single muscle, or with ``between=False``, it holds the noise, the parameters, linearised at the fit, and how far the law
-        is wrong, as far as the points tell (`discrepancy`): narrow near the points, wide away from them. It lies around the
-        law, which is not corrected, and in proportion to the bore where that differs. Where the fit had `length_error`, it
-        sums up three independent errors instead: of the parameters; of the length to which the muscle is set, as large as
-        stated or as found where that is more (`length_reach`); and what the law left of the points. The error of the length
-        of a muscle that was not measured holds how far muscles differ as a whole, as far as the muscles of the table tell,
-        in their length; how far they differ in material is not in it. A muscle of another rest length is used as far, in
-        proportion, as those of the table, unless ``upper_length`` is stated.
+        kind (`between`), on the rig of the table or elsewhere. Of a single muscle, or with ``between=False``, it holds the
+        noise, the parameters, linearised at the fit, and how far the law is wrong, as far as the points tell
+        (`discrepancy`): narrow near the points, wide away from them. It lies around the law, which is not corrected, and in
+        proportion to the bore where that differs. Where the fit had `length_error`, it sums up three independent errors
+        instead: of the parameters; of the length to which the muscle is set, as large as stated or as found where that is
+        more (`length_reach`); and what the law left of the points. The error of the length of a muscle that was not
+        measured holds how far muscles differ as a whole, as far as the muscles of the table tell, in their length;
+        how far they differ in material is not in it. A muscle of another rest length is used as far, in proportion,
+        as those of the table, unless ``upper_length`` is stated.
 
         Args:
             length: of the muscle, [m] or text with a unit, broadcast with the pressure.
