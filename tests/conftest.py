@@ -94,21 +94,21 @@ def _resident_memory() -> float:
         return float("inf")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _registries_as_they_were() -> Iterator[None]:
-    """Forget the kinds that a file's tests have named, for what a later test lists must not depend on its worker."""
-    before = {id(one): dict(one._known) for one in _registries()}
-    yield
-    for one in _registries():
-        kept = before.get(id(one), {})
-        for name in [name for name, entry in one._known.items() if name not in kept and not _is_shipped(entry)]:
+@pytest.fixture
+def shipped_kinds() -> Iterator[None]:
+    """Registries without what earlier tests of this worker have named, for a test of what they list."""
+    hidden = [(one, {n: e for n, e in one._known.items() if not _is_shipped(e)}) for one in _registries()]
+    for one, names in hidden:
+        for name in names:
             del one._known[name]
+    yield
+    for one, names in hidden:  # they are others' again: fits that are kept name them
+        one._known.update(names)
 
 
-def _registries() -> Iterator[Registry[Any]]:
-    for name, module in list(sys.modules.items()):
-        if name.startswith("mckibben"):
-            yield from (one for one in [*vars(module).values()] if isinstance(one, Registry))
+def _registries() -> list[Registry[Any]]:
+    rooms = [vars(module) for name, module in [*sys.modules.items()] if name.startswith("mckibben")]
+    return [*{id(one): one for room in rooms for one in [*room.values()] if isinstance(one, Registry)}.values()]
 
 
 def _is_shipped(entry: object) -> bool:

@@ -20,7 +20,7 @@ from mckibben.benchmarking import (
     run_task,
     task,
 )
-from mckibben.benchmarking.datasets import VENTING
+from mckibben.benchmarking.datasets import HOLDS, VENTING, hold_folds
 from mckibben.benchmarking.learned import RecordColumns, held_back, likelihood
 from mckibben.benchmarking.page import page
 from mckibben.benchmarking.run import RecordScore, TaskScore, scales, score_record
@@ -50,9 +50,9 @@ def test_no_predicted_point_is_trained_on(name):
         assert asked and not asked & shown
 
 
-@measured("aarl_10mm_isometric", "festo_datasheet")
+@measured("aarl_10mm_isometric", "aarl_20mm_isometric", "festo_datasheet")
 def test_a_muscle_left_out_is_in_no_record_to_train_on():
-    for fold in task("other-lengths").load(FOLDER):
+    for fold in (*task("other-lengths").load(FOLDER), *task("other-lengths-20mm").load(FOLDER)):
         assert {r.muscle for r in fold.test} == {fold.name}
         assert fold.name not in {r.muscle for r in fold.train}
     assert len(task("data-sheet").load(FOLDER)) > 1
@@ -63,8 +63,14 @@ def folds_of(name):
     return task(name).load(FOLDER)
 
 
-@measured("aarl_10mm_isometric", "dmsp_10_250_hysteresis", "gtdynamics_jumping_robot", "pneu_sim_antagonist")
-@pytest.mark.parametrize("name", ["isometric-runs", "loop", "creep", "robot", "antagonist"])
+@measured(
+    "aarl_10mm_isometric",
+    "dmsp_10_250_holds",
+    "dmsp_10_250_hysteresis",
+    "gtdynamics_jumping_robot",
+    "pneu_sim_antagonist",
+)
+@pytest.mark.parametrize("name", ["isometric-runs", "loop", "holds", "creep", "robot", "antagonist"])
 def test_every_sample_in_motion_is_predicted_once_and_trained_on_by_no_fold_that_predicts_it(name):
     asked = []
     for fold in folds_of(name):
@@ -105,6 +111,38 @@ def test_the_hidden_half_of_a_step_is_predicted_by_creep_and_by_no_friction():
     refused = run_task(task("creep"), folds_of("creep"), "friction")
     assert not refused.records and "turns" in refused.reason
     assert "held pressure" in run_task(task("loop"), folds_of("loop"), "creep").reason
+
+
+@measured("dmsp_10_250_holds")
+def test_random_holds_are_predicted_from_the_first_half_within_an_honest_interval():
+    (fold,) = folds_of("holds")
+    score = run_task(task("holds"), (fold,), "friction_discrepancy")
+    # 0.42 % of the stroke was found; 1.5 % is what a user was promised, and a muscle that began relaxed is at 1.2 %.
+    assert score.rms() < 0.008
+    model = new_model("friction_discrepancy")
+    model.fit(fold.train)
+    band, (record,), (hidden,) = model.path.band(measured=True), fold.test, fold.scored
+    inside = (record.outputs["stroke"] >= band.low) & (record.outputs["stroke"] <= band.high)
+    # Of 29 holds at 95 %, fewer than 25 lie inside in one case of a hundred.
+    assert inside[hidden].sum() >= 25
+    assert np.mean((band.high - band.low)[hidden]) < 2 * 0.04 * np.ptp(record.outputs["stroke"])
+
+
+@measured("dmsp_10_250_holds")
+@pytest.mark.parametrize("name", ["friction", "friction_discrepancy"])
+def test_hidden_holds_move_no_bit_of_what_is_predicted(name, tmp_path):
+    """Whatever the file says of them: its hidden half is replaced by strokes ten times as large."""
+    lines = (FOLDER / HOLDS.files[0]).read_text().splitlines()
+    rows = [line.split(",") for line in lines[31:]]
+    lines[31:] = [f"{hold},{pressure},{10.0 * float(stroke) + 5.0}" for hold, pressure, stroke in rows]
+    (tmp_path / "poisoned.csv").write_text("\n".join(lines))
+    predictions = []
+    for (fold,) in (folds_of("holds"), hold_folds(tmp_path / "poisoned.csv")):
+        model = new_model(name)
+        model.fit(fold.train)
+        predictions.append(model.predict(fold.test[0].unseen())["stroke"])
+        assert fold.scored[0].sum() == len(rows)
+    np.testing.assert_array_equal(*predictions)
 
 
 def sine_record(name, phase=0.0):

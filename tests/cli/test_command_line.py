@@ -185,12 +185,12 @@ def test_files_of_the_right_kind_are_offered(tmp_path, monkeypatch):
     assert {one.word for one in candidates("mckibben circuit run a")[1]} == {"a.toml", "ab/"}
 
 
+@pytest.mark.usefixtures("shipped_kinds")
 def test_the_names_that_are_read_from_files_are_those_of_the_registries():
     muscles = [name for kind in ("mckibben", "biological") for name in specimen_ids(kind)]
     assert sorted(name for name, _ in _values.specimens()) == sorted(muscles)
     assert sorted(name for name, _ in _values.valves()) == sorted(specimen_ids("valve"))
-    shipped = [name for name in LAWS if ":" not in name]  # other tests may have named laws of files
-    assert sorted(name for name, _ in _values.laws()) == sorted(shipped)
+    assert sorted(name for name, _ in _values.laws()) == sorted(LAWS)
     assert [name for name, _ in _values.protocols()] == [*protocol_names(), *stimulation_protocol_names()]
     assert [name for name, _ in _values.rigs()] == rig_names()
 

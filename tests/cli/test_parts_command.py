@@ -20,6 +20,7 @@ def run(capsys):
     return call
 
 
+@pytest.mark.usefixtures("shipped_kinds")
 def test_the_lists_name_every_part_with_units(run):
     code, out, err = run()
     assert code == 0 and err == ""

@@ -7,6 +7,7 @@ import pytest
 from test_hysteresis_fit import NOISE, dahl_fit
 
 from mckibben.errors import ConvergenceError, InputError
+from mckibben.estimation import Parameter
 from mckibben.identification import sampler
 from mckibben.identification.path_record import read_path
 from mckibben.identification.record_posterior import (
@@ -29,14 +30,11 @@ def line(measured: np.ndarray) -> RecordProblem:
     def values(x: np.ndarray) -> np.ndarray:
         return np.array([x[0], np.exp(x[1])])
 
+    offset = Parameter(0.5, -9.0, 9.0, "m")
+    slope = Parameter(2.0, np.exp(-9.0), np.exp(9.0), "m", search="log")
     return RecordProblem(
-        names=("offset", "slope"),
-        units=("m", "m"),
-        low=np.array([-9.0, -9.0]),
-        high=np.array([9.0, 9.0]),
+        parameters={"offset": offset, "slope": slope},
         start=np.array([0.5, np.log(2.0)]),
-        log=np.array([False, True]),
-        size=np.ones(2),
         model=sampler.HostModel(lambda x: SLOPES @ values(x), lambda x: SLOPES * np.array([1.0, np.exp(x[1])])),
         measured=measured,
         group=np.zeros(COUNT, int),

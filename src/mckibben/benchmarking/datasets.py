@@ -247,10 +247,22 @@ RUNS = BenchmarkData(
     source=AARL,
     licence=NO_LICENCE,
 )
+PLATEAU_20 = BenchmarkData(
+    files=("aarl_20mm_isometric/quasistatic_plateaus.csv",),
+    digest="5433677a8e5c96e0f60ac8d8c08b0cce2e870920933e4a22c5d8716b82def5ae",
+    source=AARL,
+    licence=NO_LICENCE,
+)
 LOOP = BenchmarkData(
     files=tuple(f"{LOOP_FOLDER}/{name}" for name in ("pressure_stroke_loop.csv", "step_response_100hz.csv")),
     digest="3687a5161433f9dff5eb2340be196101b84b6f2cc07b1945bb3710e0d675651b",
     source="public repository tbazina/pam_lqi_pid",
+    licence=NO_LICENCE,
+)
+HOLDS = BenchmarkData(
+    files=("dmsp_10_250_holds/random_holds.csv",),
+    digest="b20a54194c19d277e0d85aeaffc06dd56fc1887cd9c71568feb5906be1014581",
+    source=LOOP.source,
     licence=NO_LICENCE,
 )
 JUMPS = BenchmarkData(
@@ -347,6 +359,27 @@ def loop_folds(folder: Path) -> tuple[DataSplit, ...]:
     )
     first = loop.split("blocks")
     return part_hidden(record, ~first, "second half"), part_hidden(record, first, "first half")
+
+
+HOLD = 4.0  # of each pressure [s]
+
+
+def hold_folds(path: Path) -> tuple[DataSplit, ...]:
+    """The second half of random holds of a pressure from the first; the muscle at rest, without stroke, comes before."""
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    bar, mm = to_si(1.0, "bar", "Pa", field="pressure"), to_si(1.0, "mm", "m", field="stroke")
+    pressure, stroke = np.insert(bar * table[:, 1], 0, 0.0), np.insert(mm * table[:, 2], 0, 0.0)
+    count = len(pressure)
+    record = BenchmarkRecord(
+        name="holds",
+        muscle="DMSP-10-250",
+        inputs={"pressure": pressure},
+        outputs={"stroke": stroke},
+        time=HOLD * np.arange(count),
+        initial={"stroke": 0.0},
+        phase=np.where(np.diff(pressure, prepend=0.0) >= 0.0, FILLING, VENTING),
+    )
+    return (part_hidden(record, np.arange(count) > (count - 1) // 2 + 1, "second half"),)
 
 
 def creep_folds(folder: Path) -> tuple[DataSplit, ...]:

@@ -116,6 +116,7 @@ def _each_value_out(record: BenchmarkRecord, quantity: str, unit: float, text: s
     ]
 
 
+AARL_20_ZERO = to_si(11.0, "kPa", "Pa", field="pressure")  # what the sensor of the 20 mm muscles reads at rest
 BAR, MM = to_si(1.0, "bar", "Pa", field="pressure"), to_si(1.0, "mm", "m", field="length")
 
 
@@ -141,10 +142,11 @@ def _sheet(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
 # ---- muscles of other lengths
 
 
-def _plateaus(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    points = read_force_map(located[0][0], pressure_zero=AARL_ZERO)
+def _plateaus(path: Path, alike: str, pressure_zero: float) -> tuple[DataSplit, ...]:
+    """Each muscle of a table of several rest lengths from the others; their other dimensions are those of a specimen."""
+    points = read_force_map(path, pressure_zero=pressure_zero)
     rests = np.zeros(0) if points.rest_length is None else points.rest_length
-    known = _dimensions("DMSP-10-250")  # the three differ in length only
+    known = _dimensions(alike)
     records = [
         _static_record(points.select(rests == rest), f"{1e3 * rest:.0f} mm", known | {"rest_length": float(rest)})
         for rest in np.unique(rests)
@@ -200,6 +202,15 @@ INTERLEAVED = (
     " predicted within 0.34 % with it and 0.42 and 0.50 % without. By this it was chosen, before its errors here were"
     " computed; those of all other models were known. A discrepancy over pressure and branch in place of the path is about"
     " as probable by the shown samples and left 0.26 %; it was not taken."
+)
+FROM_REST = (
+    "The muscle at rest is shown before the first hold: no pressure, no stroke. Friction and creep begin as the holds leave"
+    " them, as if all pressures had been held once before; from a muscle that had rested, the error of `friction` is three"
+    " times as large. Both were known when the task was made."
+)
+SET_LENGTHS = (
+    "The set lengths of these muscles are known to 1 to 3 mm only. Of one, the shortened lengths of the table contradict the"
+    " names of its files, which would fit better; the zero of the tension is unknown to 1.5 % of the largest."
 )
 ONE_ROBOT = "Only one robot was measured: the interval is over jumps."
 ON_JUMPS = (
@@ -266,8 +277,17 @@ TASKS: dict[str, BenchmarkTask] = {
             "tension from length, pressure and rest length, static",
             "each muscle in turn; trained on the two others",
             (datasets.PLATEAU,),
-            _plateaus,
+            lambda located: _plateaus(located[0][0], "DMSP-10-250", AARL_ZERO),
             note=f"{THREE_MUSCLES} {ON_ALL} {RULED}",
+        ),
+        BenchmarkTask(
+            "other-lengths-20mm",
+            "20 mm muscles of three lengths, one muscle left out",
+            "tension from length, pressure and rest length, static",
+            "each muscle in turn; trained on the two others",
+            (datasets.PLATEAU_20,),
+            lambda located: _plateaus(located[0][0], "DMSP-20-300", AARL_20_ZERO),
+            note=f"{SET_LENGTHS} {RULED}",
         ),
         BenchmarkTask(
             "isometric-runs",
@@ -286,6 +306,16 @@ TASKS: dict[str, BenchmarkTask] = {
             (datasets.LOOP,),
             lambda located: datasets.loop_folds(located[0][0].parent),
             note=f"{ONE_MUSCLE} {INTERLEAVED}",
+            of_swing=True,
+        ),
+        BenchmarkTask(
+            "holds",
+            "Random holds of a DMSP-10-250, the second half hidden",
+            "stroke at the end of each hold from the pressures of all holds",
+            "the second half of the holds; trained on the first",
+            (datasets.HOLDS,),
+            lambda located: datasets.hold_folds(located[0][0]),
+            note=f"{ONE_MUSCLE} {FROM_REST}",
             of_swing=True,
         ),
         BenchmarkTask(

@@ -491,7 +491,7 @@ def fit(
     half = spread.quantile * spread.standard_error * problem.scale
     crossed = {}
     for scheme in schemes:
-        result = cross_validate(problem, solution, scheme) if solution.converged else None
+        result = cross_validate(problem, scheme) if solution.converged else None
         if result is not None:
             crossed[scheme] = result
         tell(f"{law}: {scheme} left out")

@@ -182,6 +182,20 @@ class Problem:
             scaled[1::2, self.free.index("turns")] *= self._size
         return scaled
 
+    def candidates(self, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Starting points within the bounds, over `scale`, and the tension of each at all points [N]: (m, free), (m, n)."""
+        if seed not in self._candidates:  # cross-validations share them: they know no tension that was measured
+            low, high = self.bounds
+            inside = 1e-9 * np.maximum(1.0, np.abs(low)), 1e-9 * np.maximum(1.0, np.abs(high))
+            draws = np.clip(self.starts(CANDIDATES, seed), low + inside[0], high - inside[1])
+            force = self.functions()[0]
+            self._candidates[seed] = draws, np.array([force(one) for one in draws])
+        return self._candidates[seed]
+
+    @functools.cached_property
+    def _candidates(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
     @property
     def priors(self) -> dict[str, tuple[float, float]]:
         """Mean and standard deviation of those free parameters that have a prior [SI]."""
@@ -389,7 +403,8 @@ def solve(
 
     Args:
         problem: the problem to solve.
-        train: which points count, bool (n,); all by default. The compiled function is shared by all such subsets.
+        train: which points count, bool (n,); all by default. The compiled function is shared by all such subsets, and the
+            tension of the others moves no bit of the solution.
         near: scaled starting points to try first.
         search: also search from starting points drawn over the usual ranges.
         seed: seed of that draw.
@@ -404,8 +419,9 @@ def solve(
     queue = [np.clip(start, low + inside[0], high - inside[1]) for start in near]
     descend = _Descent(problem, force, slopes, weight)
     if search:
-        draws = np.clip(problem.starts(CANDIDATES, seed), low + inside[0], high - inside[1])
-        cost = [float(np.sum(descend.misfit(descend.whole(d), unilateral=False) ** 2)) for d in draws]
+        draws, pulls = problem.candidates(seed)
+        pairs = zip(draws, pulls, strict=True)
+        cost = [float(np.sum(descend.misfit(descend.whole(d), unilateral=False, force=f) ** 2)) for d, f in pairs]
         queue += list(draws[np.argsort(cost)[:POLISHED]])
     solutions = []
     for start in queue:
@@ -449,7 +465,11 @@ class _Descent:
 
     def __init__(self, problem: Problem, force: Formula, slopes: Formula, weight: np.ndarray) -> None:
         self.problem, self.force, self.slopes, self.weight = problem, force, slopes, weight
-        self.size = max(problem.points.largest, 1e-9)
+        # What does not count is neither a scale nor a number: the tension of a hidden point may be anything.
+        self.seen = weight > 0.0
+        self.tension = np.where(self.seen, problem.points.tension, 0.0)
+        self.taut = self.seen & problem.points.taut
+        self.size = max(float(self.tension.max()), 1e-9)
         self.noise = FIRST_NOISE
         self.priors = problem.priors
         self.informed = bool(self.priors) or problem.length_error > 0.0
@@ -470,14 +490,11 @@ class _Descent:
             return vector[: self.count], 0.0
         return vector[: self.count], self.problem.length_error * vector[self.count :][self.curve]
 
-    def misfit(self, vector: np.ndarray, *, unilateral: bool) -> np.ndarray:
-        force = self.force(*self.parts(vector))
-        taut = self.problem.points.taut
+    def misfit(self, vector: np.ndarray, *, unilateral: bool, force: np.ndarray | None = None) -> np.ndarray:
+        force = self.force(*self.parts(vector)) if force is None else force
         # A slack point says nothing about a signed force but that it is not positive.
-        pull = np.maximum(force, 0.0) if unilateral else np.where(taut, force, np.maximum(force, 0.0))
-        errors = np.nan_to_num(
-            self.weight * (pull - self.problem.points.tension) / self.size, nan=1e6, posinf=1e6, neginf=-1e6
-        )
+        pull = np.maximum(force, 0.0) if unilateral else np.where(self.taut, force, np.maximum(force, 0.0))
+        errors = np.nan_to_num(self.weight * (pull - self.tension) / self.size, nan=1e6, posinf=1e6, neginf=-1e6)
         return np.concatenate([errors, self.noise * self._surprise(vector)]) if self.informed else errors
 
     def _surprise(self, vector: np.ndarray) -> np.ndarray:
@@ -490,7 +507,7 @@ class _Descent:
         scaled, shift = self.parts(vector)
         pulling = self.force(scaled, shift) > 0.0
         if not unilateral:
-            pulling = pulling | self.problem.points.taut
+            pulling = pulling | self.taut
         columns = self.slopes(scaled, shift)
         if self.shifts:
             step = LENGTH_STEP
@@ -558,7 +575,7 @@ class _Descent:
                 gtol=1e-12,
             )
             start = end.x
-            if np.all(self.force(*self.parts(start))[self.weight > 0] > 0.0):
+            if np.all(self.force(*self.parts(start))[self.seen] > 0.0):
                 break  # nothing is slack, and the second descent would be the first again
         return end._replace(start=first if start_with is None else start_with.start)
 
@@ -601,12 +618,9 @@ def groups(points: ForceMap, scheme: str) -> np.ndarray:
 
 
 def cross_validate(
-    problem: Problem, full: Solution, scheme: str, *, progress: Callable[[], None] | None = None
+    problem: Problem, scheme: str, *, progress: Callable[[], None] | None = None
 ) -> CrossValidation | None:
-    """Leave each group out once, refit, and predict it; None if the table has only one group.
-
-    A fold starts from the full solution, which saves the search and does not move the optimum.
-    """
+    """Leave each group out once, search anew without it, and predict it; None if the table has only one group."""
     index, taut = groups(problem.points, scheme), problem.points.taut
     members = np.unique(index[taut])
     if len(members) < 2:
@@ -615,7 +629,7 @@ def cross_validate(
     failed = 0
     for group in members:
         out = index == group
-        solution = predict_rest(problem, ~out, near=full)
+        solution = predict_rest(problem, ~out)
         failed += solution is None
         if solution is not None:
             error[out] = solution.tension[out] - problem.points.tension[out]
@@ -624,15 +638,11 @@ def cross_validate(
     return CrossValidation(scheme=scheme, groups=len(members), failed=failed, error=error[taut])
 
 
-def predict_rest(problem: Problem, train: np.ndarray, *, near: Solution | None = None) -> Solution | None:
-    """Fit to the points in `train` only; None if these are too few or the fit did not converge.
-
-    With a solution `near`, the fit starts there: it decides how long the search takes, not where the optimum lies.
-    """
+def predict_rest(problem: Problem, train: np.ndarray) -> Solution | None:
+    """Fit to the points in `train` only; None if these are too few or the fit did not converge."""
     if int((train & problem.points.taut).sum()) < len(problem.free):
         return None
-    start = [] if near is None else [near.scaled]
-    solution = solve(problem, train=train, near=start, search=near is None or not near.converged)
+    solution = solve(problem, train=train)
     return solution if solution.converged else None
 
 

@@ -477,7 +477,7 @@ def fit_shared_hysteresis(
         rmse=best.rmse,
         law_rmse=law.rmse,
         uncorrected_rmse=float(np.sqrt(np.mean(problem.left[problem.used] ** 2))),
-        held_back=_held_back(problem, best, values[best.title], law.rmse),
+        held_back=_held_back(problem, best, law.rmse),
         warnings=(*notes, *left),
     )
 
@@ -566,10 +566,11 @@ def _sized(problem: ResistanceProblem) -> np.ndarray:
     return np.array([error, error / pressure, 30.0 * error / travel, error / travel])
 
 
-def _held_back(
-    problem: ResistanceProblem, best: HysteresisModel, values: np.ndarray, law_rmse: float
-) -> tuple[float, float] | None:
-    """Error of recordings whose friction and creep are those of the others, and of the law alone; zeros are those of all."""
+def _held_back(problem: ResistanceProblem, best: HysteresisModel, law_rmse: float) -> tuple[float, float] | None:
+    """Error of recordings whose friction and creep are those of the others, and of the law alone; zeros are those of all.
+
+    The form is the one that all recordings chose; its values, and where their search begins, are the others' alone.
+    """
     count = len(problem.left)
     if count < 2:
         return None
@@ -577,8 +578,9 @@ def _held_back(
         return law_rmse, law_rmse
     fold, errors = np.arange(count) % min(FOLDS, count), []
     for k in np.unique(fold):
-        others = problem.without(fold == k).fit(best.free, [values])
-        errors += [e for e, f in zip(problem.errors(others), fold, strict=True) if f == k]
+        others = problem.without(fold == k)
+        values = others.fit(best.free, [_sized(others), START])
+        errors += [e for e, f in zip(problem.errors(values), fold, strict=True) if f == k]
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))), law_rmse
 
 
