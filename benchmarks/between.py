@@ -25,13 +25,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mckibben.identification.between import (
-    Between,
-    MusclePoints,
-    NewMuscle,
-    muscle_of_fit,
-    thinned,
-)
+from mckibben.identification.between import Between, MusclePoints, NewMuscle, thinned
+from mckibben.identification.calibration import muscle_of_fit
 from mckibben.identification.fit import Fit, fit
 from mckibben.recordings import ForceMap, read_force_map
 from mckibben.specimens.load import BETWEEN_COMPONENTS
@@ -309,6 +304,7 @@ def draw(result: list[dict[str, Any]]) -> None:
     with style.styled():
         fig = style.figure(style.MIDDLE, 3.2)
         axes = fig.subplots()
+        fig.subplots_adjust(bottom=0.18)
         for task in dict.fromkeys(one["task"] for one in result):
             by = {one["readings"]: one["declared"] for one in result if one["task"] == task}
             rms = [100.0 * by[how]["rms"] for how in ("none", "rest", "both")]

@@ -5,7 +5,8 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError, PlausibilityWarning
-from mckibben.identification.between import Between, new_muscle
+from mckibben.identification.between import Between
+from mckibben.identification.calibration import new_muscle
 from mckibben.muscles.evidence import law_error, make_spread
 from mckibben.studies.tension import tension
 

@@ -35,7 +35,8 @@ from ..muscles.muscle import Muscle
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
-from .between import Between, CalibratedFit, NewMuscle, PredictedTension, muscle_of_fit, predicted_tension
+from .between import Between, NewMuscle, PredictedTension, predicted_tension
+from .calibration import CalibratedFit, muscle_of_fit
 from .discrepancy import LawError
 from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import SAME_LENGTH, CrossValidation, Problem, Solution, cross_validate, solve

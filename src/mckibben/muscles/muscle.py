@@ -209,7 +209,7 @@ class Muscle(Module):
             >>> mk.muscle("festo-10mm", rest_length="132 mm").calibrate("132 mm, 5.5 bar, 330 N")
             Muscle('festo-10mm-calibrated', seated_braid, 13.2 cm at rest)
         """
-        made: Muscle = implementation("identification.between:calibrate")(self, list(readings), same_rig=same_rig)
+        made: Muscle = implementation("identification.calibration:calibrate")(self, list(readings), same_rig=same_rig)
         return made
 
     # ---- what it is

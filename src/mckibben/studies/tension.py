@@ -184,7 +184,7 @@ def tension(
         raise InputError("length" if contraction is None else "contraction", None, problem)
     said: tuple[Caution, ...] = ()
     if reading is not None:
-        built, new = implementation("identification.between:calibrate_muscle")(built, reading)
+        built, new = implementation("identification.calibration:calibrate_muscle")(built, reading)
         said = new.cautions()
     points = [_point(built.law, at, drive, biological) for at in lengths for drive in drives]
     said += collect(*built.length_cautions(lengths, text=typed(length)))
@@ -330,7 +330,7 @@ def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle) -> str:
         return ""
     length, pressure = (np.array([p[name] for p in points]) for name in ("length", "pressure"))
     if spread.calibrated is not None:
-        new = implementation("identification.between:new_muscle")(muscle)
+        new = implementation("identification.calibration:new_muscle")(muscle)
         tension = np.array([p["tension"] for p in points])
         told = implementation("identification.between:predicted_tension")(new, length, pressure, tension)
         ends, words = (told.low, told.high), "95 %, calibrated"
