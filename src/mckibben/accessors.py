@@ -3,7 +3,8 @@
 A muscle has a ``plot`` and a recording an ``energy``, although `muscles` and `recordings` import neither figures nor
 analysis. `PLACES` is the only table of a lower room that names upper ones, and this module the only one that the order of
 the rooms exempts. It holds what people ask of an object they have, and nothing that a room needs to compute: figures
-(``muscle.plot``), what a notebook shows of an answer, written documents, questions to a recording, and the run of a circuit.
+(``muscle.plot``), what a notebook shows of an answer, written documents, questions to a recording, the run of a circuit,
+and the readings that a muscle is calibrated by.
 """
 
 from __future__ import annotations
@@ -64,7 +65,10 @@ QUESTIONS = (  # to a recording
     "analysis.segments:segments",
 )
 RUNS = ("bench.circuit_run:run_circuit",)
-PLACES = {place.partition(":")[2]: place for place in (*FIGURES, *PAGES, *DOCUMENTS, *QUESTIONS, *RUNS)}  # by name
+READINGS = ("identification.calibration:calibrate",)  # of a muscle
+PLACES = {
+    place.partition(":")[2]: place for place in (*FIGURES, *PAGES, *DOCUMENTS, *QUESTIONS, *RUNS, *READINGS)
+}  # by name
 
 
 @functools.cache

@@ -15,6 +15,7 @@ and `require_progress` refuse it.
 from __future__ import annotations
 
 import abc
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -211,6 +212,7 @@ class Estimation:
         jacobian: its derivative (n, p).
         margin: distance from the bounds within which no descent begins.
         options: of `descend`.
+        covariance: of the errors of the residuals (n, n); independent and equal where left out.
     """
 
     parameters: Parameters
@@ -218,13 +220,18 @@ class Estimation:
     jacobian: Callable[[np.ndarray], np.ndarray]
     margin: float | np.ndarray = 1e-9
     options: Mapping[str, Any] = field(default_factory=dict)
+    covariance: np.ndarray | None = None
 
     def descend(self, start: np.ndarray) -> Descent:
         """Descend from scaled parameters (p,)."""
-        bounds = bounds_of(self.parameters)
-        return descend(
-            self.residual, start, jacobian=self.jacobian, bounds=bounds, margin=self.margin, **dict(self.options)
-        )
+        bounds, residual, jacobian = bounds_of(self.parameters), self.residual, self.jacobian
+        if self.covariance is not None:
+            # Rows in standard deviations of independent errors, so that their sum of squares is that of the correlated ones.
+            whiten = np.linalg.inv(np.linalg.cholesky(self.covariance))
+            residual, jacobian = (
+                functools.partial(lambda rows, x: whiten @ rows(x), rows) for rows in (residual, jacobian)
+            )
+        return descend(residual, start, jacobian=jacobian, bounds=bounds, margin=self.margin, **dict(self.options))
 
     def search(self, starts: Iterable[np.ndarray]) -> Descent:
         """Descend from each start; the least cost counts, of equal ones the first."""

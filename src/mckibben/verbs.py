@@ -123,6 +123,7 @@ Frequency = Annotated[float | str, QUANTITIES["FREQUENCY"]]
 Frequencies = Annotated[Sequence[float | str] | str, QUANTITIES["FREQUENCIES"]]
 Shares = Annotated[Sequence[float | str] | str, QUANTITIES["SHARES"]._replace(none=True)]
 BarePressure = Annotated[float | str, QUANTITIES["PRESSURE"]._replace(bare=True)]
+TensionReading = Annotated[str, ParameterType("'LENGTH, PRESSURE, FORCE'")]
 Count = Annotated[int, ParameterType("N")]
 RecordingFile = Annotated[Any, ParameterType("RECORDING")]  # or the recording itself
 RecordingFiles = Annotated[Any, ParameterType("RECORDING", listed=True)]

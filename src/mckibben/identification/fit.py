@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -35,6 +35,8 @@ from ..muscles.muscle import Muscle
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
+from .between import Between, NewMuscle, PredictedTension, predicted_tension
+from .calibration import CalibratedFit, muscle_of_fit
 from .discrepancy import LawError
 from .posterior import MapSensors, Posterior, posterior_of_fit
 from .problem import (
@@ -62,14 +64,6 @@ SIZE_UNITS = ("m", "m^2", "m^3", "rad")
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
-class PredictedTension(NamedTuple):
-    """Tension of a muscle by a fitted law, with its 95 % interval [N]; arrays of one shape."""
-
-    tension: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
 @dataclass(frozen=True, repr=False)
 class Fit(FittedLaw):
     """Result of a fit of one law; errors in newton, of the tension that a sensor would measure.
@@ -95,6 +89,7 @@ class Fit(FittedLaw):
         length_reach: half width of the 95 % interval of a length that is yet to be set, of a fitted muscle and of one of
             another rest length [m]; zeros for none.
         hysteresis: friction with memory and creep from recordings, see `with_hysteresis`; None without recordings.
+        between: how far muscles of the kind differ, where the table has several; None where it has one.
 
     Examples:
         >>> import mckibben as mk
@@ -121,6 +116,7 @@ class Fit(FittedLaw):
     length_error: float = 0.0
     length_reach: tuple[float, float] = (0.0, 0.0)
     hysteresis: SharedHysteresis | None = None
+    between: Between | None = None
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -266,21 +262,56 @@ class Fit(FittedLaw):
         changes = {n: v for n, v in changes.items() if n not in fitted}
         return build_law(self.law, cut_parameters(self.law, known | fitted, changes, rests.tolist()) | changes)
 
-    def predict(self, length: Any, pressure: Any, **changes: JsonValue) -> PredictedTension:
+    def calibrate(self, readings: Any, *, rest_length: float | str, elsewhere: bool = False) -> CalibratedFit:
+        """Readings of one more muscle of the kind, which narrow the interval of its tension.
+
+        One at rest and one 4 % shortened, at 5 to 6 bar, leave about a third of it; of a muscle from elsewhere the second is
+        taken at the most contracted length that is used.
+
+        Args:
+            readings: one to three, each a length, a gauge pressure and a tension: ``"126.75 mm, 5.5 bar, 140 N"``.
+            rest_length: of that muscle [m].
+            elsewhere: it is not measured on the rig of the table.
+
+        Raises:
+            InputError: a reading is refused, or the fit knows no differences between muscles.
+            ConvergenceError: the fit did not converge.
+        """
+        return CalibratedFit(self, self._one_more({"rest_length": rest_length}, elsewhere).conditioned(readings))
+
+    def _one_more(self, changes: dict[str, Any], elsewhere: bool) -> NewMuscle:
+        """One more muscle of the kind, its parameters changed."""
+        if not self.converged:
+            raise ConvergenceError(f"{self.law}: the fit did not converge, so that no interval follows")
+        if self.between is None:
+            raise InputError(
+                "between",
+                None,
+                "is not known of this fit: give a table of two or more rest lengths",
+                where=self.points.name,
+            )
+        changes = self._in_si(changes)
+        free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
+        return muscle_of_fit(self, self.build(**changes), free, elsewhere=elsewhere)
+
+    def predict(self, length: Any, pressure: Any, *, elsewhere: bool = False, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
-        The interval is of a further reading. It holds the noise, the parameters, linearised at the fit, and how far the law
-        is wrong, as far as the points tell (`discrepancy`): narrow near the points, wide away from them. It lies around the
-        law, which is not corrected, and in proportion to the bore where that differs. Where the fit had `length_error`, it
-        sums up three independent errors instead: of the parameters; of the length to which the muscle is set, as large as
-        stated or as found where that is more (`length_reach`); and what the law left of the points. The error of the length
-        of a muscle that was not measured holds how far muscles differ as a whole, as far as the muscles of the table tell,
-        in their length; how far they differ in material is not in it. A muscle of another rest length is used as far, in
-        proportion, as those of the table, unless ``upper_length`` is stated.
+        The interval is of a further reading. Where the table has several rest lengths, it is that of one more muscle of the
+        kind (`between`), on the rig of the table or elsewhere. Of a single muscle, or with ``between=False``, it holds the
+        noise, the parameters, linearised at the fit, and how far the law is wrong, as far as the points tell
+        (`discrepancy`): narrow near the points, wide away from them. It lies around the law, which is not corrected, and in
+        proportion to the bore where that differs. Where the fit had `length_error`, it sums up three independent errors
+        instead: of the parameters; of the length to which the muscle is set, as large as stated or as found where that is
+        more (`length_reach`); and what the law left of the points. The error of the length of a muscle that was not
+        measured holds how far muscles differ as a whole, as far as the muscles of the table tell, in their length;
+        how far they differ in material is not in it. A muscle of another rest length is used as far, in proportion,
+        as those of the table, unless ``upper_length`` is stated.
 
         Args:
             length: of the muscle, [m] or text with a unit, broadcast with the pressure.
             pressure: gauge pressure, [Pa] or text with a unit.
+            elsewhere: the muscle is not measured on the rig of the table; matters where it has several rest lengths.
             **changes: of parameters, as for `build`, such as ``rest_length=0.12``; one that is changed has no error.
 
         Raises:
@@ -308,6 +339,8 @@ class Fit(FittedLaw):
         def tension(shift: float = 0.0, **moved: float) -> np.ndarray:
             return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
 
+        if self.between is not None:
+            return predicted_tension(self._one_more(changes, elsewhere), at[0], at[1], tension())
         columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]
         moves = np.reshape(np.array(columns), (len(names), *at[0].shape))
         reach, bore = self._reach(changes), self.known.get("rest_diameter")
@@ -386,6 +419,7 @@ def fit(
     schemes: Iterable[str] = SCHEMES,
     train_below: float | None = None,
     length_error: Scalar | str | None = None,
+    between: Between | bool | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Fit one law.
@@ -401,6 +435,8 @@ def fit(
         train_below: also fit to gauge pressures up to this one [Pa] and predict those above.
         length_error: standard deviation of the error of each set length [m], such as ``"0.5 mm"``: at one length a muscle is
             off by one distance at all pressures, which is found with the parameters. None by default.
+        between: how far one more muscle of the kind differs, from which its interval follows. By default `Between()` where
+            the table has two or more rest lengths and no `length_error` is stated; False for none.
         progress: called with a few words after each piece of work.
 
     Raises:
@@ -464,7 +500,20 @@ def fit(
         length_errors=_length_errors(problem, solution),
         length_error=problem.length_error,
         length_reach=(0.0, 0.0) if posterior is None or posterior.lengths is None else posterior.lengths.reach(),
+        between=_between(between, problem),
     )
+
+
+def _between(between: Between | bool | None, problem: Problem) -> Between | None:
+    """How far muscles of a table differ; None where it has one rest length, or errors of lengths say it."""
+    rests = problem.points.rest_length
+    several = rests is not None and bool(np.ptp(rests) > SAME_LENGTH) and "rest_length" in problem.known
+    if isinstance(between, Between):
+        if several:
+            return between
+        said = "needs a table of two or more rest lengths, of a law that has one"
+        raise InputError("between", None, said, where=problem.points.name)
+    return Between() if several and not problem.length_error and between is not False else None
 
 
 def fit_all(
@@ -653,6 +702,7 @@ def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: 
         friction=friction,
         laws={f.law: _numbers(f) for f in good},
         errors={f.law: _errors(f) for f in good},
+        between={} if good[0].between is None else good[0].between.numbers(),
     )
 
 

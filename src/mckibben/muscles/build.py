@@ -91,6 +91,9 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
     ratio = float(wanted) / whole
     if abs(ratio - 1.0) < SAME_REST_LENGTH:
         return spec, left
+    if "calibrated" in spec.between:
+        said = f"must be {with_unit(whole, 'm')}: {spec.id} is one muscle, calibrated by readings; cut its make instead"
+        raise InputError(f"{law}.rest_length", with_unit(float(wanted), "m"), said, where=spec.where)
     if not law_type(law).any_length and len(measured_rest_lengths(spec)) < 2:
         raise _of_one_length(law, whole, float(wanted), _others_of(spec), where=spec.where or spec.id)
     laws = {name: group for name, group in spec.laws.items() if name == law or law_type(name).any_length}

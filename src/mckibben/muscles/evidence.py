@@ -23,7 +23,7 @@ from ..documents import JsonValue
 from ..errors import InputError, NoVolumeError
 from ..quantities import declared, with_unit
 from ..specimens import Specimen
-from ..specimens.model import KNOWN_ERRORS
+from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS
 from .braid import SHORTEST_SHARE, braid_of
 from .law import TensionLaw, law_name
 
@@ -66,6 +66,64 @@ class LawError(NamedTuple):
         return {**self._asdict(), "sentence": str(self)}
 
 
+class MakeSpread(NamedTuple):
+    """Half widths of the 95 % interval of one muscle of a make around its law, over its largest tension [1].
+
+    Attributes:
+        same_rig: of a muscle on the rig on which the law was measured.
+        elsewhere: of one in another laboratory.
+        after_one_reading: of one that was calibrated by a reading.
+        after_two_readings: by two.
+        calibrated: of this muscle, by the readings that its specimen states.
+    """
+
+    same_rig: float | None
+    elsewhere: float | None
+    after_one_reading: float | None
+    after_two_readings: float | None
+    calibrated: float | None
+
+    def __str__(self) -> str:
+        if self.calibrated is not None:
+            return f"this muscle, as calibrated, lies within {_percent(self.calibrated)} of its largest tension (95 %)"
+        said = f"another muscle of the make lies within {_percent(self.elsewhere or 0.0)} of its largest tension (95 %)"
+        if self.same_rig is None:
+            return said
+        said += f", and within {_percent(self.same_rig)} on the rig of the measured ones"
+        read = {"one reading": self.after_one_reading, "two": self.after_two_readings}
+        known = [f"{_percent(share)} after {words}" for words, share in read.items() if share is not None]
+        return f"{said}, there {' and '.join(known)}" if known else said
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The shares as plain values, for JSON."""
+        known: dict[str, JsonValue] = {n: share for n, share in self._asdict().items() if share is not None}
+        return known | {"sentence": str(self)}
+
+
+def make_spread(spec: Specimen | None) -> MakeSpread | None:
+    """How far one muscle of a specimen's make is from its law; None where the specimen does not state it."""
+    stated = {} if spec is None else spec.between
+    shares = {
+        name: float(str(stated[name].si("1", field=f"between.{name}"))) if name in stated else None
+        for name in BETWEEN_SHARES
+    }
+    return MakeSpread(**shares) if shares["elsewhere"] or shares["calibrated"] else None
+
+
+def make_band(spec: Specimen, law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> np.ndarray | None:
+    """Lowest and highest tension (2, n) [N] of another muscle of the make, by the share that its specimen states.
+
+    None where it states none, or no rest length and highest pressure, at which the largest tension is.
+    """
+    spread, needed = make_spread(spec), ("rest_length", "highest_measured_pressure")
+    if spread is None or spread.elsewhere is None or not all(name in spec.properties for name in needed):
+        return None
+    at = spec.property_si("rest_length", "m"), spec.property_si("highest_measured_pressure", "Pa")
+    half = spread.elsewhere * float(law.tension(*at))
+    own = np.asarray(law.tension(length, pressure))
+    return np.stack([np.maximum(own - half, 0.0), own + half])
+
+
 def error_of(spec: Specimen | None, law: str) -> LawError | None:
     """The error that a specimen states of one of its laws; None where it states none."""
     group = {} if spec is None else spec.errors.get(law, {})
@@ -80,8 +138,9 @@ def error_of(spec: Specimen | None, law: str) -> LawError | None:
 
 def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
     """The error that a specimen states of one of its laws, for metadata and JSON; None where it states none."""
-    error = error_of(spec, law)
-    return None if error is None else error.to_dict()
+    error, spread = error_of(spec, law), make_spread(spec)
+    said = {} if spread is None else {"between_muscles": spread.to_dict()}
+    return said or None if error is None else error.to_dict() | said
 
 
 def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, JsonValue]:
@@ -114,8 +173,11 @@ def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tu
     error = error_of(spec, law)
     if spec is None:
         return ()
+    spread = make_spread(spec)
     large = error is not None and error.worst > NOTABLE
-    said = Caution(f"the tension of {spec.id} by {law} may be off by {error}", "law") if large else None
+    of_make = spread is not None and max(spread.elsewhere or 0.0, spread.calibrated or 0.0) > NOTABLE
+    words = [f"the tension of {spec.id} by {law} may be off by {error}"] * large + [f"{spread}"] * of_make
+    said = Caution("; ".join(words), "law") if words else None
     from .sleeve import braid_caution
 
     return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, law) if at_rest else None)

@@ -188,6 +188,30 @@ class Muscle(Module):
         low, high = (end if end.ndim else end.item() for end in found)
         return low, high
 
+    def calibrate(self, *readings: Any, same_rig: bool = False) -> Muscle:
+        """Return the muscle with its law moved to one to three readings of it, and with the interval that they leave.
+
+        All parameters move together, as far as muscles of the make differ in them; correcting one number by hand, such as
+        the length, makes other lengths worse. Take the readings at rest and 4 % shortened, at 5 to 6 bar; of a muscle from
+        another laboratory take the second at the most contracted length that is used.
+
+        Args:
+            *readings: each a length, a gauge pressure and a tension: ``"126.75 mm, 5.5 bar, 140 N"``.
+            same_rig: it is mounted on the rig on which the muscles of the make were measured.
+
+        Raises:
+            InputError: a reading is refused, or the specimen does not state how far muscles of its make differ.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> import warnings
+            >>> warnings.simplefilter("ignore")
+            >>> mk.muscle("festo-10mm", rest_length="132 mm").calibrate("132 mm, 5.5 bar, 330 N")
+            Muscle('festo-10mm-calibrated', seated_braid, 13.2 cm at rest)
+        """
+        made: Muscle = implementation("calibrate")(self, list(readings), same_rig=same_rig)
+        return made
+
     # ---- what it is
 
     @property

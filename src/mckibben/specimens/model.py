@@ -92,7 +92,8 @@ class Specimen:
     """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it.
 
     A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`. `errors`
-    states by law how far its tension is from what was measured or printed, see `KNOWN_ERRORS`.
+    states by law how far its tension is from what was measured or printed, see `KNOWN_ERRORS`, and `between`
+    how far another muscle of the make differs, see `KNOWN_BETWEEN`.
 
     Examples:
         >>> import mckibben as mk
@@ -116,6 +117,7 @@ class Specimen:
     friction: dict[str, Group] = entry(_read_groups, default_factory=dict)
     errors: dict[str, Group] = entry(_read_groups, default_factory=dict)
     valve: Group = entry(_read_group, default_factory=dict)
+    between: Group = entry(_read_group, default_factory=dict)
     map: str | None = word(default=None)
     where: str = ""
 
@@ -216,6 +218,23 @@ KNOWN_ERRORS = {
     "other_muscle": "1",  # the largest on another muscle of the make
     "other_length": "1",  # the largest at a rest length to which the law was not fitted
 }
+
+# Standard deviations by which one muscle of the make differs from another, see `identification.between.Between`.
+BETWEEN_COMPONENTS = {
+    "whole_length": "m",
+    "below_rest": "m",
+    "set_length": "m",
+    "gain": "1",
+    "branch": "1",
+    "pressure_shape": "1",
+    "noise": "1",
+}
+# Half widths of the 95 % interval of another muscle of the make, as shares of the largest tension [1].
+BETWEEN_SHARES = ("same_rig", "elsewhere", "after_one_reading", "after_two_readings", "calibrated")
+KNOWN_BETWEEN = BETWEEN_COMPONENTS | dict.fromkeys(BETWEEN_SHARES, "1")
+# What a specimen states that was calibrated by readings of one muscle; a parameter as it was before is "before_NAME".
+READINGS = {"reading_lengths": "m", "reading_pressures": "Pa", "reading_tensions": "N"}
+BEFORE = "before_"
 
 MUSCLES = ("mckibben", "biological")  # kinds of specimens that are muscles
 
@@ -329,6 +348,14 @@ def _read(text: str, *, where: str) -> Specimen:
         value = stated.si(KNOWN_PROPERTIES[name], field=properties.field(name), where=where)
         if isinstance(value, float) and value < 0.0:
             raise properties.fail(name, value, "must be a number that is not negative")
+    between = table.table("between")
+    between.only((*KNOWN_BETWEEN, *READINGS, *(key for key in between.values if key.startswith(BEFORE))))
+    for name, stated in one.between.items():
+        if name not in KNOWN_BETWEEN:
+            continue
+        value = stated.si(KNOWN_BETWEEN[name], field=between.field(name), where=where)
+        if not isinstance(value, float) or value < 0.0:
+            raise between.fail(name, str(stated.value), "must be one number that is not negative")
     errors = table.table("errors")
     errors.only(one.laws, "the file states the laws")
     for law, group in one.errors.items():

@@ -98,7 +98,7 @@ class FittedTables(Answer):
 
     def report(self, path: str | Path) -> Path:
         """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
-        return Path(implementation("report.fit_report:write_fit_report")(self.rankings, Path(path)))
+        return Path(implementation("write_fit_report")(self.rankings, Path(path)))
 
 
 @verb

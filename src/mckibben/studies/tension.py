@@ -25,6 +25,7 @@ from ..verbs import (
     MuscleOrLaw,
     PosteriorFile,
     Pressure,
+    TensionReading,
     typed,
     verb,
 )
@@ -43,7 +44,8 @@ class Tensions(Answer):
         law: name of the law.
         points: a row per length and pressure or activation, lengths first [SI]; ``by_law`` has the tensions by other laws of
             the braid, ``tension_low`` and ``tension_high`` the ends of `band`.
-        band: what the ends are those of: the range of uncertain numbers, or the 95 % of a posterior.
+        band: what the ends are those of: the range of uncertain numbers, or the 95 % of a muscle of the make, of this one as
+            calibrated, or of a posterior.
         defaults: parameters of a law without specimen that were left to its defaults.
         cautions: about lengths, pressures, the law and its posterior.
     """
@@ -56,6 +58,14 @@ class Tensions(Answer):
     cautions: tuple[Caution, ...] = field(default=())
 
     units: ClassVar[Mapping[str, str]] = STATE | {"length": "m", "pressure": "Pa", "braid_length": "m"} | BAND
+
+    @property
+    def interval(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Low and high ends of the tension at each point (n,) [N]; None where nothing says how far it is off."""
+        if "tension_low" not in self.points[0]:
+            return None
+        low, high = (np.array([point[key] for point in self.points]) for key in BAND)
+        return low, high
 
     def to_dict(self) -> dict[str, JsonValue]:
         """The state at one point, or several as ``points``; law, specimen and cautions beside."""
@@ -119,6 +129,8 @@ class Tensions(Answer):
         known = declared(type(self.muscle.law))
         stated = (f"{n} = {with_unit(float(getattr(self.muscle.law, n)), known[n].unit)}" for n in self.defaults)
         said = [] if error is None else [f"Error of the law: {error}."]
+        spread = muscles.evidence.make_spread(self.muscle.specimen)
+        said += [] if spread is None else [f"{str(spread)[:1].upper()}{str(spread)[1:]}."]
         return said + ([f"Not given, by default of the law: {', '.join(stated)}."] if self.defaults else [])
 
 
@@ -133,6 +145,7 @@ def tension(
     target_tension: Force | None = None,
     law: LawName | None = None,
     parameters: Changes | None = None,
+    reading: TensionReading | Sequence[TensionReading] | None = None,
     posterior: PosteriorFile | None = None,
 ) -> Tensions:
     """Compute tension, volume and state of a muscle at one length and pressure.
@@ -148,6 +161,7 @@ def tension(
         target_tension: find the lowest pressure for this tension instead [N], such as '50 N'.
         law: law to use instead of the specimen's default, or my.py:MyLaw.
         parameters: replace a parameter, such as law.turns=3.2 or thread_length='16 cm'.
+        reading: calibrate the muscle by one to three readings of it, such as '126.75 mm, 5.5 bar, 140 N'.
         posterior: result of `mckibben fit --posterior --out fit.json`, for 95 % bands of the answer.
 
     Raises:
@@ -167,13 +181,20 @@ def tension(
         count = f"{len(lengths):,} lengths by {len(drives):,} drives"
         problem = f"and its drive must be at most {MOST_VALUES:,} points together, got {count}"
         raise InputError("length" if contraction is None else "contraction", None, problem)
+    said: tuple[Caution, ...] = ()
+    if reading is not None:
+        from ..identification.calibration import calibrate_muscle
+
+        built, new = calibrate_muscle(built, reading)
+        said = new.cautions()
     points = [_point(built.law, at, drive, biological) for at in lengths for drive in drives]
-    said = collect(*built.length_cautions(lengths, text=typed(length)))
+    said += collect(*built.length_cautions(lengths, text=typed(length)))
     said += () if biological else _cautions(built, chosen, drives, pressure)
     said += _add_ranges(points, built, chosen)
+    of_make = _add_spread(points, built) if posterior is None else ""
     if posterior is not None:
         said += _add_bands(points, posterior, built, chosen, str(muscle))
-    band = "range" if posterior is None else "95 %"
+    band = of_make or ("range" if posterior is None else "95 %")
     return Tensions(built, chosen, points, band, defaults, collect(*said))
 
 
@@ -196,6 +217,8 @@ def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscle
             raise InputError(f"{name}.{missing[0][0]}", "not given", f"give {words}", sentence=sentence)
         built = built_muscle(name, **cast(Any, stated))
         return built, name, tuple(n for n in declared(type(built.law)) if n not in stated)
+    if isinstance(name, muscles.Muscle) and name.specimen is not None and not changes and law in (None, name.law_name):
+        return name, name.law_name, ()
     spec = name if isinstance(name, Specimen) else muscle_specimen(name)
     if spec.kind == "valve":
         raise InputError("specimen", spec.id, "must be a muscle; it is a valve")
@@ -298,6 +321,28 @@ def _add_ranges(points: list[dict[str, Any]], muscle: muscles.Muscle, name: str)
         said += [(max(others.values()) - min(others.values()), differing)] if differing else []
     beyond = muscles.evidence.beyond_braid_caution(muscle.law, at[0], np.array([p["tension"] for p in points]))
     return collect(max(said, key=lambda one: one[0])[1] if said else None, beyond)
+
+
+def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle) -> str:
+    """Add to each point the 95 % interval of the tension of one muscle of the make; returns of which, in words."""
+    spec = muscle.specimen
+    spread = muscles.evidence.make_spread(spec)
+    if spec is None or spread is None or spec.kind != "mckibben":
+        return ""
+    length, pressure = (np.array([p[name] for p in points]) for name in ("length", "pressure"))
+    if spread.calibrated is None:
+        band = muscles.evidence.make_band(spec, muscle.law, length, pressure)
+    else:
+        from ..identification.between import predicted_tension
+        from ..identification.calibration import new_muscle
+
+        told = predicted_tension(new_muscle(muscle), length, pressure, np.array([p["tension"] for p in points]))
+        band = np.stack([told.low, told.high])
+    if band is None:
+        return ""
+    for point, low, high in zip(points, *band, strict=True):
+        point |= {"tension_low": float(low), "tension_high": float(high)}
+    return "95 %, any of the make" if spread.calibrated is None else "95 %, calibrated"
 
 
 def _add_bands(
