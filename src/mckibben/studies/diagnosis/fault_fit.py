@@ -784,8 +784,7 @@ def _judge(compare: _Comparison) -> Diagnosis:
         for name in (n for n in names if n in RUNGS and likelihoods[n] > TELLING):
             searched, ends, _ = _search(compare, [name], values, spread, residual, widened, only=name)
             values, intervals = values | searched, intervals | ends
-        explained = bool(np.max(compare.scale / compare.noise()[:, None]) < UNDESCRIBED)
-        return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=explained)
+        return _result(compare, names, values, intervals, likelihoods, limits, residual, explained=True)
     values, intervals, likelihoods = _search(compare, names, values, spread, residual, widened)
     fresh = values, likelihoods
     pulls = compare.largest > SIZES[CLAMP_GRIP]  # else the sound rig loads the clamp with nothing
@@ -1190,17 +1189,18 @@ def _result(
     tolerance = found if abs(fits[0].estimate.value) <= TOLERANCES.get(found, 0.0) else ""
     found = "" if tolerance else found
     alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)
+    misfit = float(np.max(compare.scale / compare.noise()[:, None]))
     return Diagnosis(
         tuple(fits),
         found,
         alike,
-        explained,
+        explained and misfit < UNDESCRIBED,
         THRESHOLD,
         residual.size,
         _not_judged(compare, names, limits),
         tolerance=tolerance,
         description=_numbers_off(compare),
-        misfit=float(np.max(compare.scale / compare.noise()[:, None])),
+        misfit=misfit,
     )
 
 
