@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import mckibben as mk
+from mckibben.assembly.build import rig_unit
+from mckibben.components import paths
 from mckibben.errors import InputError
 from mckibben.studies.diagnosis.fault_fit import (
     SIZES,
@@ -46,8 +48,24 @@ def record(observer, seed=0, *, before=0, **faults):
     return mk.Recording(TIME, channels, {})
 
 
-def found(recording):
-    return diagnose(recording, rig="modern", muscle="nylon")
+# A muscle's file that is off: its stiffness by 3 %, its length by 0.4 mm, a threshold by 4 %, its friction by 15 and 25 %.
+OFF = paths.put(
+    rig_unit("nylon"),
+    {
+        path: factor * paths.get(rig_unit("nylon"), path)
+        for path, factor in {
+            "law.passive_stiffness": 404.0 / 392.0,
+            "law.rest_length": 1.003,
+            "law.threshold_pressure": 0.96,
+            "friction.limit.constant": 0.85,
+            "friction.limit.per_pressure": 1.25,
+        }.items()
+    },
+)
+
+
+def found(recording, *, exact=False):
+    return diagnose(recording, rig="modern", muscle="nylon", exact=exact)
 
 
 def test_a_sound_rig_has_no_fault(observer):
@@ -65,8 +83,36 @@ def test_a_leak_is_found_with_its_conductance(observer):
     assert value == pytest.approx(leak, rel=0.1) and low < leak < high and unit == "m^3/(s*Pa)"
 
 
+def test_a_muscle_that_its_file_describes_a_little_wrong_is_no_fault(observer):
+    """Every number within twice what such are usually off by: it takes them up, and says by how much."""
+    sound = record(observer, seed=3)
+    blind = diagnose(sound, rig="modern", muscle=OFF, exact=True)
+    assert blind.fault or not blind.described  # were the file exact, the rig would not be sound
+    result = diagnose(sound, rig="modern", muscle=OFF)
+    assert (result.fault, result.explained, result.described) == ("", True, True)
+    # What is left is the noise of the sensors; coarse counts and the motion that they leave open add some tenths.
+    assert result.misfit < 1.5
+    off = {one.path: one.off for one in result.description}
+    assert max(map(abs, off.values())) < 3.0
+    assert off["muscle.friction.limit.constant"] > 0.3 and off["muscle.friction.limit.per_pressure"] < -0.3
+
+
+def test_a_leak_is_found_beside_a_file_that_is_off(observer):
+    leak = 5e-11
+    result = diagnose(record(observer, leak=leak), rig="modern", muscle=OFF)
+    assert (result.fault, result.explained) == ("leak", True)
+    value, low, high, _ = result["leak"].estimate
+    assert value == pytest.approx(leak, rel=0.15) and low < leak < high
+
+
+def test_a_law_that_is_not_the_muscles_is_said_before_any_fault(observer):
+    result = diagnose(record(observer), rig="modern", muscle=mk.muscle("nylon", law="ideal"))
+    assert (result.fault, result.described) == ("", False) and result.misfit > 10.0
+    assert result.sentence.startswith("The files of muscle and rig do not describe this recording")
+
+
 def test_less_than_one_thread_is_no_fault(observer):
-    result = found(record(observer, lost_threads=1e-3))
+    result = found(record(observer, lost_threads=1e-3), exact=True)
     assert result["lost_threads"].ratio > THRESHOLD and result["lost_threads"].limit == TOLERANCES["lost_threads"]
     assert (result.fault, result.tolerance, result.explained) == ("", "lost_threads", True)
     assert result.sentence.startswith(
@@ -74,7 +120,7 @@ def test_less_than_one_thread_is_no_fault(observer):
     )
     unexplained = dataclasses.replace(result, explained=False).sentence  # a tiny fault is no excuse for a large misfit
     assert unexplained.startswith("No fault of the list explains the recording: there is something else.")
-    assert found(record(observer, lost_threads=1e-2)).fault == "lost_threads"
+    assert found(record(observer, lost_threads=1e-2), exact=True).fault == "lost_threads"
 
 
 @pytest.mark.slow  # 15 s: a release moves the braid too little for the last sections to forget how they began
@@ -116,7 +162,8 @@ def test_a_clamp_that_slipped_before_the_recording_is_found_with_its_grip(observ
 def test_a_sensor_that_is_not_calibrated_is_not_taken_for_a_fault(observer, channel, gain, zero, words):
     full = record(observer, seed=2)
     wrong = full.channels[channel].with_values(gain * full[channel] + zero)
-    result = found(mk.Recording(TIME, {**full.channels, channel: wrong}, {}))
+    # beside a file that is off, a cell that reads 2 % too much is a muscle that pulls 2 % more
+    result = found(mk.Recording(TIME, {**full.channels, channel: wrong}, {}), exact=channel == "tension")
     assert (result.fault, result.explained) == ("", False)
     assert words in result.calibration and "Calibrate" in result.sentence
 
@@ -135,7 +182,7 @@ def test_a_muscle_that_is_never_taut_is_diagnosed_without_its_clamp(observer):
 
 
 def test_two_faults_are_not_taken_for_one(observer):
-    result = found(record(observer, leak=1e-10, clamp_slack=1e-3))
+    result = found(record(observer, leak=1e-10, clamp_slack=1e-3), exact=True)
     assert result.fault in ("leak", "clamp_slack") and not result.explained
     assert "does not explain the recording alone" in result.sentence
 
@@ -260,9 +307,15 @@ def test_a_recording_without_rig_and_muscle_asks_for_them():
 )
 def test_a_fault_of_the_simulated_bench_is_found_from_a_work_loop(name, words, size):
     rig = mk.rig("modern", {f"faults.{name}": words})
-    result = mk.diagnose(mk.run("work-loop", rig, muscle="nylon", cycles=2))
+    run = mk.run("work-loop", rig, muscle="nylon", cycles=2)
+    result = mk.diagnose(run, exact=True)
     assert result.fault == name and result.explained
     assert result[name].estimate.value == pytest.approx(size, rel=0.1)  # the goal
+    beside = mk.diagnose(run, muscle=OFF)
+    if name in ("clamp_slack", "clamp_grip", "rubber_warming"):  # within what a length and a stiffness may be off by
+        assert beside.fault in ("", name)
+    else:
+        assert beside.fault == name and beside.explained
 
 
 def test_a_fast_step_of_pressure_is_predicted_with_the_swing_of_the_frame():

@@ -72,12 +72,13 @@ def rig_names() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
-def rig(name: str | os.PathLike[str], changes: Mapping[str, str] | None = None) -> Rig:
+def rig(name: str | os.PathLike[str], changes: Mapping[str, str | float] | None = None) -> Rig:
     """Load a rig by its name or by the path of a ``.toml`` file.
 
     Args:
         name: ``paper``, ``modern``, or a path.
-        changes: words by dotted path of the file, such as ``{"plumbing.direct.tube.length": "1 m"}``.
+        changes: by dotted path of the file, words such as ``{"plumbing.direct.tube.length": "1 m"}``, or numbers of what has
+            no unit.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
@@ -339,7 +340,7 @@ def _words(entry: FileTable, key: str) -> tuple[str, ...]:
     return paths
 
 
-def put_rig_value(document: dict[str, JsonValue], path: str, value: str, where: str) -> None:
+def put_rig_value(document: dict[str, JsonValue], path: str, value: Any, where: str) -> None:
     """Replace a value in the tables of a rig's file; whole numbers and truth values may be written as text.
 
     Raises:
@@ -361,7 +362,9 @@ def put_rig_value(document: dict[str, JsonValue], path: str, value: str, where: 
     at.update(new)
 
 
-def _plain(text: str) -> Any:
+def _plain(text: Any) -> Any:
+    if not isinstance(text, str):
+        return text  # a number of Python, of which `int` would cut the fraction off
     if text in ("true", "false"):
         return text == "true"
     try:

@@ -39,7 +39,17 @@ from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen
 from ...verbs import MuscleName, PlumbingName, RecordingFile, RigName, verb
-from .observer import CHANNELS, MOTION, START_FRICTION, START_GAS, START_PORT, START_SLIP, Observer, RecordedSection
+from .observer import (
+    CHANNELS,
+    MOTION,
+    START_FRICTION,
+    START_GAS,
+    START_PORT,
+    START_SLIP,
+    Observer,
+    RecordedSection,
+    stated_numbers,
+)
 
 # Above what sound runs reach, see docs/explanation/diagnosis.md.
 THRESHOLD = 30.0
@@ -115,6 +125,10 @@ ZERO_SHOWN = {"span": ("mm", 1e3), "pressure": ("mbar", 1e-2), "valve_pressure":
 FEWEST_BLOCKS, SCALINGS = 20, 5
 NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
+# Rounds in which the description is found, step of its numbers and the farthest that they go, in standard deviations.
+DESCRIBED_ROUNDS, OFF_STEP, FARTHEST_OFF = 4, 0.25, 4.0
+UNDESCRIBED = 3.0  # noises of the sensors that are left where no description nor fault explains a recording
+SAID_OFF, MOST_OFF = 0.5, 4  # usual errors from which on a number is shown, and numbers in a sentence
 LEAST_SHARE = 0.02  # of the strongest, of a combination of the start's effects that is told from the others
 
 
@@ -145,6 +159,23 @@ class FaultFit(NamedTuple):
         return TITLES[self.name]
 
 
+class NumberOff(NamedTuple):
+    """A number of the muscle's or rig's file, and what the recording says of it.
+
+    Attributes:
+        path: such as ``muscle.law.passive_stiffness``.
+        change: what it has to be more than stated, as a share of that.
+        off: the same in standard deviations of what such numbers are usually off by.
+    """
+
+    path: str
+    change: float
+    off: float
+
+    def __str__(self) -> str:
+        return f"{self.path} {100.0 * self.change:+.2g} %"
+
+
 @dataclass(frozen=True)
 class Diagnosis(Answer):
     """Result of a diagnosis.
@@ -161,6 +192,9 @@ class Diagnosis(Answer):
         cautions: about what was named beside the recording and differs from what it states.
         calibration: wrong zero or gain of a sensor that explains the recording better than any fault, in words; else empty.
         tolerance: name of a fault that explains the recording better, but is within `TOLERANCES`; else empty.
+        description: numbers of the files of muscle and rig, and how far the recording says they are off, the farthest first;
+            empty where they were taken as exact.
+        misfit: what every fault together leaves of the recording, over the noise of the sensors [1].
         file: of the recording, where it was read from one.
     """
 
@@ -175,6 +209,13 @@ class Diagnosis(Answer):
     calibration: str = ""
     tolerance: str = ""
     file: str | None = None
+    description: tuple[NumberOff, ...] = ()
+    misfit: float = 1.0
+
+    @property
+    def described(self) -> bool:
+        """Whether the files of muscle and rig describe the recording, with or without a fault."""
+        return self.explained or bool(self.calibration) or self.misfit < UNDESCRIBED
 
     def __getitem__(self, name: str) -> FaultFit:
         """Fit of a fault by its name."""
@@ -186,6 +227,12 @@ class Diagnosis(Answer):
     @property
     def sentence(self) -> str:
         """The diagnosis in words."""
+        if not self.described:
+            return (
+                f"The files of muscle and rig do not describe this recording: {self.misfit:.2g} times the noise of the"
+                " sensors is left, whatever fault there is and wherever their numbers lie within what such are usually off"
+                " by. Fit the muscle anew, and diagnose with that: no fault can be told beside it."
+            )
         if self.calibration:
             nearest = self.faults[0]
             return (
@@ -206,7 +253,9 @@ class Diagnosis(Answer):
                 f"up to {most} is within the tolerance of parts."
             )
         if not self.fault:
-            return "No fault: the sound rig explains the recording."
+            off = [str(one) for one in self.description if abs(one.off) >= 1.0][:MOST_OFF]
+            beside = f", with what its files state off by: {', '.join(off)}" if off else ""
+            return f"No fault: the sound rig explains the recording{beside}."
         best = self[self.fault]
         value, low, high = (shown(best.name, v) for v in best.estimate[:3])
         said = f"{best.title.capitalize()}: {value} (95 %: {low} to {high})."
@@ -248,8 +297,19 @@ class Diagnosis(Answer):
             }
             for one in self.faults
         ]
+        off = [one for one in self.description if abs(one.off) >= SAID_OFF]
+        stated = Table(
+            "What the files of muscle and rig state, and what the recording says of it",
+            (
+                Column("path", "number"),
+                Column("change", "off by", "%", places="+.2f"),
+                Column("off", "usual errors", "1", places="+.1f"),
+            ),
+            [one._asdict() for one in off],
+            ("A fault is named beyond what such numbers are usually off by; exact files show smaller ones.",),
+        )
         least = f"A fault is reported from a likelihood ratio of {self.threshold:.0f} on; {self.blocks} readings."
-        return [Table(self.sentence, columns, rows, (*self.not_judged, least))]
+        return [Table(self.sentence, columns, rows, (*self.not_judged, least)), *([stated] if off else [])]
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Plain values for JSON [SI]."""
@@ -264,6 +324,8 @@ class Diagnosis(Answer):
             "cautions": [one.text for one in self.cautions],
             "calibration": self.calibration or None,
             "tolerance": self.tolerance or None,
+            "description": [one._asdict() for one in self.description],
+            "misfit": self.misfit,
             "faults": [
                 {
                     **one.estimate._asdict(),
@@ -301,12 +363,14 @@ def diagnose(
     muscle: MuscleName | None = None,
     rig: RigName | None = None,
     plumbing: PlumbingName | None = None,
+    exact: bool = False,
 ) -> Diagnosis:
     """Find a fault of a rig from a recording of its normal operation.
 
     Each fault is fitted alone to pressures and tension, given the recorded command of the valve and the span: a leak, a
     blocked or sticking valve, a drifting sensor, a slack or slipping clamp, lost threads, warm rubber. Of what this
-    recording or rig cannot show it says so.
+    recording or rig cannot show it says so. The numbers of the muscle's law may be off by 5 % and its lengths by 0.5 mm, its
+    friction and creep by 20 %, the valve's flow by 1.5 % (standard deviations): a fault is what is left beyond that.
 
     Args:
         recording: a normal run: a recording or its file, with the channels ``span``, ``valve.command`` and at least one of
@@ -314,6 +378,7 @@ def diagnose(
         muscle: sound muscle: id or .toml file; by default as the recording states it.
         rig: sound rig: paper, modern, or a .toml file; by default as the recording states it, without its faults.
         plumbing: plumbing that joins the rig's pneumatic parts; by default as the recording states it.
+        exact: take every number of muscle and rig as exact, as after a characterisation on this rig; shows smaller faults.
 
     Raises:
         InputError: names what is missing.
@@ -329,7 +394,7 @@ def diagnose(
     where = None if isinstance(recording, Recording) else str(recording)
     _check_stated(record, rig, muscle, plumbing, where)
     try:
-        observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing)
+        observer = observer_of(record, rig, muscle=muscle, plumbing=plumbing, exact=exact)
     except InputError as error:
         raise error.at(where) if where and error.where == _OF_RECORDING else error from None
     try:
@@ -362,13 +427,15 @@ def observer_of(
     *,
     muscle: str | Specimen | Muscle | MuscleUnit | None = None,
     plumbing: str | None = None,
+    exact: bool = False,
 ) -> Observer:
     """Build the sound rig of a recording; arguments as of `diagnose`."""
     on = _sound_rig(record, rig)
     joined = _layout(on, record, plumbing)
     timing = record.meta.get("timing")
     latency = float(timing["latency"]) if isinstance(timing, Mapping) else float(on.computer.latency)
-    return Observer(joined, _sound_unit(record, muscle), on, latency)
+    unit = _sound_unit(record, muscle)
+    return Observer(joined, unit, on, latency, () if exact else stated_numbers(joined, unit))
 
 
 def _layout(on: Rig, record: Recording, plumbing: str | None) -> Plumbing:
@@ -518,6 +585,8 @@ class _Comparison:
         self.rough = np.zeros((len(self.channels), 1))
         self.largest = 0.0
         self.slipped = 0.0
+        self.described: dict[str, float] = {}  # the description that is taken, in deviations from the stated one
+        self.loose = np.zeros((0, len(self.channels), 0))  # effects of a deviation of each of its numbers
         self.firsts = [0] * len(sections)
         self.measured = np.zeros((len(self.channels), 0))
 
@@ -529,7 +598,12 @@ class _Comparison:
     def real(self, values: Mapping[str, float]) -> dict[str, float]:
         """Faults of the rig [SI] from what is searched: the grip of a clamp from the tension by which it is too low."""
         real = {n: max(self.largest - v, LEAST_GRIP) if n == CLAMP_GRIP else v for n, v in values.items()}
+        real = self.described | real
         return {START_SLIP: self.slipped, **real} if CLAMP_GRIP in real else real
+
+    def searched(self, name: str, value: float) -> float:
+        """What is searched of a fault of the rig [SI]; the reverse of `real`."""
+        return self.largest - value if name == CLAMP_GRIP else value
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Bounds of what is searched of a fault [SI]."""
@@ -592,6 +666,16 @@ class _Comparison:
     def scaled(self, blocks: np.ndarray) -> np.ndarray:
         """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effects."""
         rows: np.ndarray = (blocks / self.spread).reshape(*blocks.shape[:-2], -1)
+        rows = self._without_starts(rows)
+        if not len(self.loose):
+            return rows
+        # what the numbers of the description may do is further noise, of a covariance with one direction for each
+        loose = self._without_starts((self.loose / self.spread).reshape(len(self.loose), -1))
+        left, strength, _ = np.linalg.svd(loose.T, full_matrices=False)
+        kept: np.ndarray = rows - ((rows @ left) * (1.0 - 1.0 / np.sqrt(1.0 + strength**2))) @ left.T
+        return kept
+
+    def _without_starts(self, rows: np.ndarray) -> np.ndarray:
         if not len(self.starts):
             return rows
         starts = (self.starts / self.spread).reshape(len(self.starts), -1)
@@ -612,7 +696,59 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     variance of the block is larger by the square of that change.
     """
     compare = _Comparison(observer, sections)
-    names = known_faults(observer, compare.channels)
+    _describe(compare, {})
+    found = _judge(compare)
+    if found.fault:  # the description was bent as if the rig were sound; with the fault it may be as stated
+        _describe(compare, {found.fault: compare.searched(found.fault, found[found.fault].estimate.value)})
+        again = _judge(compare)
+        found = again if again.fault == found.fault else found
+    if observer.description and not found.explained:  # nor may it be bent for a wrong zero, or for a clamp that slips
+        stated = diagnose_sections(observer._replace(description=()), sections)
+        found = stated if stated.explained or stated.calibration else found
+    if not found.described:
+        found = replace(found, fault="", alternatives=(), calibration="", tolerance="")
+    return found
+
+
+def _describe(compare: _Comparison, fault: Mapping[str, float]) -> None:
+    """Find the most probable numbers of the description, given a fault: least squares with what is stated as the prior.
+
+    By Gauss-Newton, each round in units of what the one before has left, but no less than the sensors' noise.
+    """
+    names = [one.path for one in compare.observer.description]
+    compare.described = dict.fromkeys(names, 0.0)
+    compare.loose, compare.rough = compare.loose[:0], np.zeros((len(compare.channels), 1))
+    for _ in range(DESCRIBED_ROUNDS if names else 0):
+        now = compare.described
+        steps = [{n: now[n] + OFF_STEP} for n in names]
+        tables = compare.readings([{**fault, **one} for one in ({}, {START_GAS: START}, *STARTS, *steps)])
+        begun = 2 + len(STARTS)
+        compare.begin([np.concatenate([table[:1], table[2:begun]]) for table in tables])
+        predicted = compare.blocks(tables)
+        off, effects = compare.measured - predicted[0], (predicted[begun:] - predicted[0]) / OFF_STEP
+        compare.starts = compare.of_each_section(predicted[1:begun] - predicted[0])
+        compare.scale = compare.noise()[:, None]
+        stated = np.array([now[n] for n in names])
+        for _ in range(SCALINGS):
+            rows = compare.scaled(effects)
+            normal = rows @ rows.T + np.eye(len(names))
+            change = np.linalg.solve(normal, rows @ compare.scaled(off) - stated)
+            left = off - np.einsum("k,kcb->cb", change, effects)
+            share = compare.scaled(left).reshape(left.shape).std(axis=1, keepdims=True)
+            compare.scale = np.maximum(share * compare.scale, compare.noise()[:, None])
+        compare.described = dict(
+            zip(names, np.clip(stated + change, -FARTHEST_OFF, FARTHEST_OFF).tolist(), strict=True)
+        )
+        if np.abs(change).max() < OFF_STEP**2:
+            break
+    compare.starts = compare.starts[:0]
+
+
+def _judge(compare: _Comparison) -> Diagnosis:
+    """Judge all faults beside a description that may be off, from where it is most probable."""
+    names = known_faults(compare.observer, compare.channels)
+    compare.loose, compare.starts, compare.slipped = compare.loose[:0], compare.starts[:0], 0.0
+    compare.scale = np.ones((len(compare.channels), 1))
     tried = [(n, SIZES[n] * rung) for n in names if n != CLAMP_GRIP for rung in RUNGS.get(n, (1.0,))]
     sets = [{}, {START_GAS: START}, *({n: v} for n, v in tried)]
     first = compare.readings(sets)
@@ -621,16 +757,22 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
         tension = compare.channels.index("tension")
         compare.largest = max(float(table[0, tension].max()) for table in first)
         slips = [(CLAMP_GRIP, SIZES[CLAMP_GRIP] * rung) for rung in RUNGS[CLAMP_GRIP]]
-    others = compare.readings([*({n: v} for n, v in slips), {MOTION: 1.0}, *STARTS])
-    begun = len(slips) + 1
-    compare.begin([np.concatenate([a[:1], b[begun:]]) for a, b in zip(first, others, strict=True)])
+    loose = [{n: off + OFF_STEP} for n, off in compare.described.items()]
+    others = compare.readings([*({n: v} for n, v in slips), {MOTION: 1.0}, *STARTS, *loose])
+    begun, last = len(slips) + 1, len(slips) + 1 + len(STARTS)
+    compare.begin([np.concatenate([a[:1], b[begun:last]]) for a, b in zip(first, others, strict=True)])
     predicted, further = compare.blocks(first), compare.blocks(others)
     sound = predicted[0]
+    # As if the stated numbers had been predicted with: their deviations are centred there.
+    off_by = np.array([*compare.described.values()])
+    effects_of_numbers = (further[last:] - sound) / OFF_STEP
+    compare.measured = compare.measured + np.einsum("k,kcb->cb", off_by, effects_of_numbers)
     tried, changed = [*tried, *slips], np.concatenate([predicted[2:], further[: len(slips)]]) - sound
-    compare.starts = compare.of_each_section(np.concatenate([predicted[1:2], further[begun:]]) - sound)
+    compare.starts = compare.of_each_section(np.concatenate([predicted[1:2], further[begun:last]]) - sound)
     rough = maximum_filter1d(np.abs(further[len(slips)] - sound), 3, axis=1)
     compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
-    widened = _set_scale(compare, changed, compare.measured - sound)
+    widened = _set_scale(compare, np.concatenate([changed, effects_of_numbers]), compare.measured - sound)
+    compare.loose = effects_of_numbers
     residual = compare.scaled(compare.measured - sound)
     effects = compare.scaled(changed)
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
@@ -1047,5 +1189,24 @@ def _result(
     tolerance = found if abs(fits[0].estimate.value) <= TOLERANCES.get(found, 0.0) else ""
     found = "" if tolerance else found
     alike = tuple(one.name for one in fits[1:] if found and fits[0].ratio - one.ratio < TELLING)
-    unsaid = _not_judged(compare, names, limits)
-    return Diagnosis(tuple(fits), found, alike, explained, THRESHOLD, residual.size, unsaid, tolerance=tolerance)
+    misfit = float(np.max(compare.scale / compare.noise()[:, None]))
+    return Diagnosis(
+        tuple(fits),
+        found,
+        alike,
+        explained and misfit < UNDESCRIBED,
+        THRESHOLD,
+        residual.size,
+        _not_judged(compare, names, limits),
+        tolerance=tolerance,
+        description=_numbers_off(compare),
+        misfit=misfit,
+    )
+
+
+def _numbers_off(compare: _Comparison) -> tuple[NumberOff, ...]:
+    found = []
+    for one in compare.observer.description:
+        off, of = compare.described[one.path], float(np.abs(one.value).max())
+        found.append(NumberOff(one.path, off * float(one.deviation.max()) / of, off))
+    return tuple(sorted(found, key=lambda one: -abs(one.off)))

@@ -25,7 +25,7 @@ from ...bench.hardware.converters import Sensor
 from ...bench.hardware.stand import Frame, FrameState
 from ...bench.rig import DRIFT, SOUND, Plumbing, Rig, RigFaults
 from ...bench.sensors import MUSCLE, PORT
-from ...components import Environment, field
+from ...components import Environment, field, paths
 from ...components.system import Value
 from ...engine import STEP, held, march, ramped
 from ...engine.native import call_in_lanes
@@ -74,6 +74,47 @@ class RecordedSection(NamedTuple):
     measured: dict[str, np.ndarray]
 
 
+class StatedNumber(NamedTuple):
+    """A number of the muscle's or the rig's file, and how far it may be off.
+
+    Attributes:
+        path: such as ``muscle.law.passive_stiffness``.
+        value: as stated [SI].
+        deviation: standard deviation of the true value about it [SI].
+        unit: of both.
+    """
+
+    path: str
+    value: np.ndarray
+    deviation: np.ndarray
+    unit: str
+
+
+LENGTH_OFF = 5e-4  # standard deviation of a stated length, at most `NUMBER_OFF` of it [m]
+NUMBER_OFF, FRICTION_OFF, FLOW_OFF = 0.05, 0.2, 0.015  # shares of other numbers, of friction, and of a valve's flow
+# What a rig's file knows well, what a run tells nothing of, and what is a fault by itself.
+WELL_KNOWN = ("gas.", "tendon.", "end_mass", "viscosity", "stop_", "largest_strain", "threshold_width", "upper_length")
+
+
+def stated_numbers(plumbing: Plumbing, unit: MuscleUnit) -> tuple[StatedNumber, ...]:
+    """Numbers of the law, of friction and creep, and of the valve's flow, with the deviations that files usually have."""
+    found = []
+    for path, q, value in paths.declared_values({"muscle": unit, "plumbing": plumbing}):
+        kind, stated = path.split(".")[1], np.asarray(value, float)
+        if any(f".{name}" in path for name in WELL_KNOWN) or not np.any(stated):
+            continue
+        if kind in ("law", "friction", "creep") and path.startswith("muscle."):
+            share = NUMBER_OFF if kind == "law" else FRICTION_OFF
+            size = share * np.abs(stated)
+            size = np.minimum(size, LENGTH_OFF) if q.unit == "m" and kind == "law" else size
+        elif kind == "valve" and path.endswith(".conductance"):
+            size = FLOW_OFF * np.abs(stated)
+        else:
+            continue
+        found.append(StatedNumber(path, stated, size, q.unit))
+    return tuple(found)
+
+
 class Observer(NamedTuple):
     """A rig with a muscle, ready to predict.
 
@@ -82,12 +123,14 @@ class Observer(NamedTuple):
         unit: the muscle.
         rig: the rig.
         latency: from a sample to the action of its commands [s].
+        description: numbers of muscle and rig that may be off, each by a share of its deviation, see `stated_numbers`.
     """
 
     plumbing: Plumbing
     unit: MuscleUnit
     rig: Rig
     latency: float
+    description: tuple[StatedNumber, ...] = ()
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -99,7 +142,8 @@ class Observer(NamedTuple):
 
         Args:
             section: recorded inputs.
-            values: of each set, by the name of the fault [SI], and of `STARTS`; others are zero.
+            values: of each set, by the name of the fault [SI], of `STARTS`, and of the stated numbers by their paths, in
+                standard deviations; others are zero.
 
         Returns:
             Mean readings (sets, channels, n) [SI].
@@ -135,7 +179,8 @@ class Observer(NamedTuple):
     def _simulate(self, section: RecordedSection, values: Sequence[Mapping[str, float]]) -> Mapping[str, np.ndarray]:
         """Simulate a section for several sets of faults: channels and slip (sets, n) before the sensors [SI]."""
         period = float(np.mean(np.diff(section.time)))
-        names = (*SIMULATED, *STARTS)
+        described = tuple(one.path for one in self.description)
+        names = (*SIMULATED, *STARTS, *described)
         table = np.array([[float(one.get(name, SOUND.get(name, 0.0))) for name in names] for one in values])
         room = self.rig.environment
         start = np.array([self._start(section, name) for name in ("valve_pressure", "pressure")])
@@ -148,13 +193,24 @@ class Observer(NamedTuple):
         fine, also = (CubicSpline(section.time, values)(times) for values in (span, other))
         asked, opened = (np.repeat(values, SUBSAMPLES)[: len(times)] for values in (section.valve, section.opened))
         recorded = times - begun, fine, also - fine, asked, opened
-        shared = self.plumbing, self.unit, self.rig.frame, room, *recorded, start, np.float64(self.latency), begun
+        stated = tuple((one.value, one.deviation) for one in self.description)
+        shared = (
+            self.plumbing,
+            self.unit,
+            self.rig.frame,
+            room,
+            *recorded,
+            start,
+            np.float64(self.latency),
+            begun,
+            stated,
+        )
         part = period / SUBSAMPLES
         steps = max(1, math.ceil(part / STEP - 1e-9))
         for finest in (1, 2, 4, 8, MOST_PARTS):
             inner = steps * finest
             done: Mapping[str, np.ndarray] = call_in_lanes(
-                _outputs, shared, (table,), period=part, inner=inner, samples=len(times) - 1
+                _outputs, shared, (table,), described=described, period=part, inner=inner, samples=len(times) - 1
             )
             if np.isfinite(done["rate"]).all() and done["rate"].max() * part / inner <= RK4_LIMIT:
                 return done
@@ -228,13 +284,18 @@ class RecordedStand(Load):
 
 def _outputs(
     plumbing: Plumbing, unit: MuscleUnit, frame: Frame, room: Environment, clock: Any, span: Any, other: Any, valve: Any,
-    opened: Any, start: Any, latency: Scalar, begun: Scalar, values: Any,
-    *, period: float, inner: int, samples: int,
+    opened: Any, start: Any, latency: Scalar, begun: Scalar, stated: Any, values: Any,
+    *, described: tuple[str, ...], period: float, inner: int, samples: int,
 ) -> dict[str, Tree]:  # fmt: skip
     """Compute channels (n,) and the bound of the fastest mode [1/s] for one set of faults."""
     faults = RigFaults(**{name: values[i] for i, name in enumerate(SIMULATED)})
     unknown = {name: values[len(SIMULATED) + i] for i, name in enumerate(STARTS)}
-    faulty, muscle = faults.on_every_part(plumbing, unit)
+    off = values[len(SIMULATED) + len(STARTS) :]
+    numbers = {
+        path: value + off[i] * size for i, (path, (value, size)) in enumerate(zip(described, stated, strict=True))
+    }
+    parts = paths.put({"muscle": unit, "plumbing": plumbing}, numbers)
+    faulty, muscle = faults.on_every_part(parts["plumbing"], parts["muscle"])
     load = RecordedStand(frame=frame)
     machine = Machine.of(faulty.circuit({MUSCLE: muscle}, room), {MUSCLE: muscle}, load, room)
     signals = {
