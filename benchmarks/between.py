@@ -134,7 +134,9 @@ def estimated(row: Row) -> Between:
     for rest in np.unique(row.fitted.points.rest_length):
         some = thinned(row.fitted.points.select(row.fitted.points.rest_length == rest))
         some = some.select(np.arange(len(some)) % max(1, len(some) // COMPARED) == 0)
-        law = muscle_of_fit(row.fitted, row.fitted.build(rest_length=float(rest)), tuple(row.fitted.parameters)).muscle
+        law = muscle_of_fit(
+            row.fitted, row.fitted.between, row.fitted.build(rest_length=float(rest)), tuple(row.fitted.parameters)
+        ).muscle
         at = law.points(some.length, some.pressure, some.branch)
         muscles.append((at, some.tension - at.tension))
     declared = np.array([getattr(row.fitted.between, name) for name in BETWEEN_COMPONENTS])
@@ -180,7 +182,7 @@ def new_muscle(row: Row, between: Between | None = None) -> NewMuscle:
     reach = float(row.test.length.max())
     law = row.fitted.build(**(whole | {"upper_length": max(reach, row.rest_length)}))
     fitted = row.fitted if between is None else dataclasses.replace(row.fitted, between=between)
-    new = muscle_of_fit(fitted, law, tuple(row.fitted.parameters))
+    new = muscle_of_fit(fitted, fitted.between, law, tuple(row.fitted.parameters))
     if between is None:
         return replace(new, between=row.between)
     assert row.fitted.between is not None

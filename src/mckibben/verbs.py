@@ -123,7 +123,7 @@ Frequency = Annotated[float | str, QUANTITIES["FREQUENCY"]]
 Frequencies = Annotated[Sequence[float | str] | str, QUANTITIES["FREQUENCIES"]]
 Shares = Annotated[Sequence[float | str] | str, QUANTITIES["SHARES"]._replace(none=True)]
 BarePressure = Annotated[float | str, QUANTITIES["PRESSURE"]._replace(bare=True)]
-TensionReading = Annotated[str, ParameterType("'LENGTH, PRESSURE, FORCE'")]
+TensionReading = Annotated[str, ParameterType("LENGTH,PRESSURE,FORCE")]
 Count = Annotated[int, ParameterType("N")]
 RecordingFile = Annotated[Any, ParameterType("RECORDING")]  # or the recording itself
 RecordingFiles = Annotated[Any, ParameterType("RECORDING", listed=True)]
@@ -273,9 +273,9 @@ def described(place: str) -> Description:
     tree = ast.parse(Path(str(spec.origin)).parent.joinpath(*inside).with_suffix(".py").read_text(encoding="utf-8"))
     node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == name)
     known = globals() | {
-        ast.unparse(n.targets[0]): eval(ast.unparse(n.value), globals())
+        ast.unparse(n.targets[0]): Annotated[Any, own]
         for n in tree.body
-        if isinstance(n, ast.Assign) and isinstance(n.value, ast.Subscript) and "ParameterType(" in ast.unparse(n.value)
+        if isinstance(n, ast.Assign) and (own := _own_type(n.value)) is not None
     }
     head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
     section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
@@ -304,6 +304,15 @@ def described(place: str) -> Description:
             parts=tuple(described(whole).parameters[part] for part in names),
         )
     return Description(name, tuple(_words(p) for p in head.split("\n\n") if p.strip()), parameters)
+
+
+def _own_type(value: ast.expr) -> ParameterType | None:
+    """The type that `Annotated[.., ParameterType(..)]` states in literals; None of any other expression."""
+    calls = [n for n in ast.walk(value) if isinstance(n, ast.Call) and ast.unparse(n.func) == "ParameterType"]
+    if not isinstance(value, ast.Subscript) or len(calls) != 1:
+        return None
+    given = {word.arg: ast.literal_eval(word.value) for word in calls[0].keywords if word.arg}
+    return ParameterType(*map(ast.literal_eval, calls[0].args), **given)
 
 
 def _words(text: str) -> str:

@@ -90,6 +90,7 @@ def test_options_of_one_name_take_one_kind_of_value():
         "--from", "--to",  # ends of a range, of times or of frequencies
         "--set", "--start", "--unit", "--column", "--free", "--input", "--output",  # paths of what the command is about
         "--for", "--predict", "--angle", "--figure", "--stiffness", "--channel", "--out", "--friction",
+        "--reading",  # of a muscle, and of the papers
     }, several  # fmt: skip
 
 

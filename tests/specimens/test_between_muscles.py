@@ -8,6 +8,7 @@ from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.identification.between import Between
 from mckibben.identification.calibration import new_muscle
 from mckibben.muscles.evidence import law_error, make_spread
+from mckibben.specimens.model import BETWEEN_COMPONENTS
 from mckibben.studies.tension import tension
 
 READINGS = "132 mm, 5.5 bar, 320 N", "126.75 mm, 5.5 bar, 160 N"
@@ -23,7 +24,8 @@ def test_specimens_state_how_far_another_muscle_of_the_make_is_and_metadata_have
     spec = mk.specimen("festo-10mm")
     assert make_spread(spec).to_dict()["elsewhere"] == 0.2
     assert law_error(spec, spec.law)["between_muscles"]["after_two_readings"] == 0.03
-    assert Between.of(spec) == Between(source=Between.of(spec).source)
+    stated, usual = ({n: getattr(one, n) for n in BETWEEN_COMPONENTS} for one in (Between.of(spec), Between()))
+    assert stated == pytest.approx(usual, rel=1e-12)  # 0.45 mm to rounding
     assert make_spread(mk.specimen("DMSP-40-400")).elsewhere == 0.2
     assert make_spread(mk.specimen("nylon")) is None
     assert "between_muscles" not in law_error(mk.specimen("nylon"), "linear_threshold")
@@ -60,7 +62,7 @@ def test_a_calibrated_muscle_is_saved_with_its_readings_and_answers_alike(calibr
 
 
 def test_a_calibrated_muscle_is_one_and_is_not_cut(calibrated) -> None:
-    with pytest.raises(InputError, match="is one muscle, calibrated by readings; cut its make instead"):
+    with pytest.raises(InputError, match="is one muscle, calibrated by readings, got 20 cm; cut its make instead"):
         mk.muscle(calibrated.specimen, rest_length="20 cm")
 
 

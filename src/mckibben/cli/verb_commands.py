@@ -327,7 +327,7 @@ def _draw_loops(answer: LoopStudy, path: Path) -> None:
 
 
 def _write_page(answer: Validation, path: Path) -> list[Path]:
-    from .. import __version__
+    from .._version import __version__
     from ..documents import write_text
     from ..report.figures import ranking_figures, style
     from ..studies import validation_page

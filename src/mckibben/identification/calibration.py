@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -37,10 +37,7 @@ from .between import (
     predicted_tension,
     thinned,
 )
-from .problem import SAME_LENGTH
-
-if TYPE_CHECKING:
-    from .fit import Fit
+from .problem import SAME_LENGTH, FittedLaw
 
 LEAST_SHORTENED, MOST_SHORTENED = 0.7, 0.98  # ends of a plausible shortest length, as shares of the rest length
 READING = "reading_tensions"
@@ -55,7 +52,7 @@ class CalibratedFit:
         new: Gaussian of the tension of the one that was read.
     """
 
-    def __init__(self, fit: Fit, new: NewMuscle) -> None:
+    def __init__(self, fit: FittedLaw, new: NewMuscle) -> None:
         self.fit, self.new = fit, new
 
     def __repr__(self) -> str:
@@ -99,17 +96,20 @@ class CalibratedFit:
         } | self.new.to_dict()
 
 
-def muscle_of_fit(fit: Fit, law: TensionLaw, free: Sequence[str], *, elsewhere: bool = False) -> NewMuscle:
+def muscle_of_fit(
+    fit: FittedLaw, between: Between, law: TensionLaw, free: Sequence[str], *, elsewhere: bool = False
+) -> NewMuscle:
     """One muscle more of the kind to which a law was fitted, not measured yet.
 
     Args:
-        fit: with a table of rest lengths, and what is known between muscles.
+        fit: with a table of rest lengths.
+        between: how far muscles of the kind differ.
         law: as of the muscle.
         free: fitted parameters that it has as they were fitted.
         elsewhere: it is not measured on the rig of the table.
     """
-    between, points = fit.between, fit.points
-    assert between is not None and points.rest_length is not None
+    points = fit.points
+    assert points.rest_length is not None
     highest = float(points.pressure.max())
     shortest = float(np.min(points.length / points.rest_length))
 

@@ -292,7 +292,7 @@ class Fit(FittedLaw):
             )
         changes = self._in_si(changes)
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
-        return muscle_of_fit(self, self.build(**changes), free, elsewhere=elsewhere)
+        return muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
 
     def predict(self, length: Any, pressure: Any, *, elsewhere: bool = False, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.

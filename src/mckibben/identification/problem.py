@@ -38,6 +38,7 @@ from ..estimation import Descent, Estimate, Parameter, bounds_of, descend
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
+from ..muscles.muscle import Muscle
 from ..quantities import Quantity, declared
 from ..recordings import ForceMap
 
@@ -695,3 +696,8 @@ class FittedLaw(ErrorMeasures, abc.ABC):
     @abc.abstractmethod
     def build(self, **changes: JsonValue) -> TensionLaw:
         """The law with these numbers; `changes` replace parameters."""
+
+    @property
+    @abc.abstractmethod
+    def muscle(self) -> Muscle:
+        """A muscle with this law, and with what friction and creep is known."""

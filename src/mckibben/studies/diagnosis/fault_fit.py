@@ -771,7 +771,7 @@ def _judge(compare: _Comparison) -> Diagnosis:
     compare.starts = compare.of_each_section(np.concatenate([predicted[1:2], further[begun:last]]) - sound)
     rough = maximum_filter1d(np.abs(further[len(slips)] - sound), 3, axis=1)
     compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
-    widened = _set_scale(compare, np.concatenate([changed, effects_of_numbers]), compare.measured - sound)
+    widened = _set_scale(compare, changed, effects_of_numbers, compare.measured - sound)
     compare.loose = effects_of_numbers
     residual = compare.scaled(compare.measured - sound)
     effects = compare.scaled(changed)
@@ -864,12 +864,13 @@ def _signed(name: str) -> bool:
     return name.endswith(DRIFT)
 
 
-def _set_scale(compare: _Comparison, changed: np.ndarray, off: np.ndarray) -> float:
+def _set_scale(compare: _Comparison, changed: np.ndarray, loose: np.ndarray, off: np.ndarray) -> float:
     """Set the standard deviation of each channel.
 
     Args:
         compare: whose scale is set.
         changed: change of the blocks by each fault at its sizes.
+        loose: change of the blocks by a deviation of each number of the description, which goes as far as such do.
         off: what was measured less the blocks of the sound rig.
 
     Returns:
@@ -877,11 +878,13 @@ def _set_scale(compare: _Comparison, changed: np.ndarray, off: np.ndarray) -> fl
         leave together.
     """
     starts = compare.starts
-    effects = np.concatenate([changed, starts])
+    effects = np.concatenate([changed, starts, loose])
+    prior = np.eye(len(effects))[len(effects) - len(loose) :]
     compare.starts = starts[:0]
     left = off
     for _ in range(SCALINGS):  # each time in the units of the one before
-        amounts = np.linalg.lstsq(compare.scaled(effects).T, compare.scaled(off), rcond=1e-9)[0]
+        rows = np.concatenate([compare.scaled(effects).T, prior])
+        amounts = np.linalg.lstsq(rows, np.append(compare.scaled(off), np.zeros(len(prior))), rcond=1e-9)[0]
         left = off - np.einsum("k,kcb->cb", amounts, effects)
         share = (left / compare.spread).std(axis=1, keepdims=True)
         compare.scale = np.maximum(share * compare.scale, compare.noise()[:, None])
