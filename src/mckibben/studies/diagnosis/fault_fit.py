@@ -117,8 +117,8 @@ SHOWN = {
     "leak": "l/(min*bar)", "pressure_drift": "mbar/s", "valve_pressure_drift": "mbar/s", "span_drift": "mm/s",
     "valve_sticking": "mbar", "clamp_slack": "mm",
 }  # fmt: skip
-# A wrong zero or gain must leave no more than this mean square in units of the sensors' noise, or this share
-# of what there was; and the effect of slack is in proportion to it for no more than this [m].
+# A wrong zero or gain must leave no more than this mean square in units of the sensors' noise, or this share of what there
+# was, up to what files leave that describe a recording; and slack acts in proportion to it for no more than this [m].
 LEAVES, LEAVES_SHARE, MOST_ZERO = 4.0, 0.01, 5e-3
 # Units in which the zero of a sensor is shown, and factors to them.
 ZERO_SHOWN = {"span": ("mm", 1e3), "pressure": ("mbar", 1e-2), "valve_pressure": ("mbar", 1e-2), "tension": ("N", 1.0)}
@@ -1154,7 +1154,7 @@ def _calibration_error(compare: _Comparison, fault: Mapping[str, float], sound: 
     misfits = {n: float(np.sum((left - sizes[n] * e) ** 2)) for n, e in scaled.items()}
     best = min(misfits, key=misfits.__getitem__)
     better = left.size * np.log(with_fault / max(misfits[best], LEAST_EFFECT)) > THRESHOLD
-    allowed = max(LEAVES * left.size, LEAVES_SHARE * float(left @ left))
+    allowed = max(LEAVES * left.size, min(LEAVES_SHARE * float(left @ left), UNDESCRIBED**2 * left.size))
     if not better or misfits[best] > allowed or (best == "span zero" and abs(sizes[best]) > MOST_ZERO):
         return ""
     channel, kind = best.split()
