@@ -6,6 +6,7 @@ from importlib import resources
 
 import pytest
 
+import mckibben as mk
 from mckibben.bench.rig_file import read_rig, rig, rig_names
 from mckibben.bench.software.interlocks import Trip
 from mckibben.errors import InputError
@@ -146,3 +147,8 @@ def test_what_is_wrong_in_a_rig_is_named_by_its_path(case):
         read_rig(changed, where="mine.toml")
     assert "mine.toml" in str(error.value) and path[-1] in str(error.value), error.value
     assert said in str(error.value), error.value
+
+
+@pytest.mark.parametrize("value", [0.05, "0.05", "5 %"])
+def test_a_number_of_python_keeps_its_fraction(value):
+    assert mk.rig("modern", {"faults.lost_threads": value}).faults.present == {"lost_threads": 0.05}
