@@ -128,6 +128,20 @@ def test_random_holds_are_predicted_from_the_first_half_within_an_honest_interva
     assert np.mean((band.high - band.low)[hidden]) < 2 * 0.04 * np.ptp(record.outputs["stroke"])
 
 
+@pytest.mark.parametrize("law", ["seated_braid", "martens_boblan"])
+def test_no_fold_knows_what_another_was_shown(law):
+    """It was shown what this one predicts: whatever stands before it, a fold has the same bits."""
+    chosen = task("map-length-out")
+    folds = [fold for fold in chosen.load() if fold.name.startswith("DMSP-10-250")]
+    alone = [run_task(chosen, (fold,), law).records for fold in folds[1:3]]
+    behind = run_task(chosen, folds[:3], law).records
+    scaled = {one.fold: (one.sum_squares, one.largest) for one in behind}
+    # the scale of errors is that of all folds at hand, which have the same largest tension
+    assert [scaled[one.fold] for records in alone for one in records] == [
+        (one.sum_squares, one.largest) for records in alone for one in records
+    ]
+
+
 @measured("dmsp_10_250_holds")
 @pytest.mark.parametrize("name", ["friction", "friction_discrepancy"])
 def test_hidden_holds_move_no_bit_of_what_is_predicted(name, tmp_path):

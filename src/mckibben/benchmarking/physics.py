@@ -50,10 +50,9 @@ class LawModel:
     def __init__(self, law: str, *, length_error: float | None = None) -> None:
         default = RULER if law_type(law).priors else 0.0
         self.law, self.length_error = law, default if length_error is None else length_error
-        self._near: dict[tuple[str, ...], np.ndarray] = {}
 
     def fit(self, train: Sequence[BenchmarkRecord]) -> None:
-        """Fit the free parameters; a search from many starts precedes the first fold only.
+        """Fit the free parameters, by a search from many starts.
 
         Raises:
             InputError: the records are not of tension over length and pressure, or too few.
@@ -68,12 +67,7 @@ class LawModel:
         rest = self.points.rest_length
         errors = self.length_error if rest is not None and np.ptp(rest) > SAME_LENGTH else 0.0
         problem = Problem.of(self.law, self.points, known=self.known, length_error=errors)
-        near = self._near.get(problem.free)
-        solution = solve(problem, near=[] if near is None else [near], search=near is None)
-        if not solution.converged:
-            solution = solve(problem)
-        self._near[problem.free] = solution.scaled
-        self.values = solution.values(problem)
+        self.values = solve(problem).values(problem)
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
         """Tension at the lengths and pressures of a record; the law knows no time."""

@@ -29,8 +29,9 @@ from .tasks import TASKS, BenchmarkTask, task
 class BenchmarkModel(Protocol):
     """A model that takes part in the benchmark; any class with these two methods does.
 
-    `fit` is called once for each fold, on a new fold with data that the model has not to remember. A model that cannot do
-    a task raises `InputError` with the reason. The arrays of records cannot be written to: copy those that you change.
+    Every fold has a new model, so that none remembers what another fold was shown; `fit` is called once, then `predict`. A
+    model that cannot do a task raises `InputError` with the reason. The arrays of records cannot be written to: copy those
+    that you change.
 
     Examples:
         >>> import numpy as np
@@ -416,8 +417,8 @@ def run_task(
     scale, scored = scales(every, swing=chosen.of_swing), []
     began = time.process_time()
     try:
-        contender = new_model(name) if model is None else model
         for fold in every:
+            contender = new_model(name) if model is None else model
             contender.fit(fold.train)
             for record, counted in zip(fold.test, fold.scored, strict=True):
                 predicted = contender.predict(record.unseen())
