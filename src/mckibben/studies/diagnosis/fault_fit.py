@@ -326,6 +326,7 @@ class Diagnosis(Answer):
             "tolerance": self.tolerance or None,
             "description": [one._asdict() for one in self.description],
             "misfit": self.misfit,
+            "described": self.described,
             "faults": [
                 {
                     **one.estimate._asdict(),

@@ -92,6 +92,7 @@ class StatedNumber(NamedTuple):
 
 LENGTH_OFF = 5e-4  # standard deviation of a stated length, at most `NUMBER_OFF` of it [m]
 NUMBER_OFF, FRICTION_OFF, FLOW_OFF = 0.05, 0.2, 0.015  # shares of other numbers, of friction, and of a valve's flow
+LENGTHS, PRESSURES = 9, np.array([0.0, 2e5, 4e5, 6e5])  # at which a law's numbers are tried, gauge [Pa]
 # What a rig's file knows well, what a run tells nothing of, and what is a fault by itself.
 WELL_KNOWN = ("gas.", "tendon.", "end_mass", "viscosity", "stop_", "largest_strain", "threshold_width", "upper_length")
 
@@ -107,12 +108,26 @@ def stated_numbers(plumbing: Plumbing, unit: MuscleUnit) -> tuple[StatedNumber, 
             share = NUMBER_OFF if kind == "law" else FRICTION_OFF
             size = share * np.abs(stated)
             size = np.minimum(size, LENGTH_OFF) if q.unit == "m" and kind == "law" else size
+            size = size * _bearable(unit, path.removeprefix("muscle."), stated, size) if kind == "law" else size
         elif kind == "valve" and path.endswith(".conductance"):
             size = FLOW_OFF * np.abs(stated)
         else:
             continue
         found.append(StatedNumber(path, stated, size, q.unit))
     return tuple(found)
+
+
+def _bearable(unit: MuscleUnit, path: str, stated: np.ndarray, size: np.ndarray) -> float:
+    """Share of a deviation of a law's number that changes no tension by more than `NUMBER_OFF` of the largest.
+
+    Numbers that cancel, such as the moduli of a polynomial, are known far better than each alone would seem to need.
+    """
+    low, high = (float(end) for end in unit.law.length_range())
+    length, pressure = (axis.ravel() for axis in np.meshgrid(np.linspace(low, high, LENGTHS), PRESSURES))
+    usual, moved = (np.asarray(one.law.tension(length, pressure))
+                    for one in (unit, paths.put(unit, {path: stated + size})))  # fmt: skip
+    change = float(np.nanmax(np.abs(moved - usual)))
+    return min(1.0, NUMBER_OFF * float(np.nanmax(usual)) / change) if change > 0.0 else 1.0
 
 
 class Observer(NamedTuple):
