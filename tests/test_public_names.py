@@ -40,8 +40,13 @@ def test_the_import_loads_no_heavy_library():
 
 
 def test_a_package_that_is_installed_by_itself_hangs_on_the_same_name():
+    import mckibben_hardware
     import mckibben_hosts
-    from mckibben import hosts
+    from mckibben import hardware, hosts
+
+    session = importlib.import_module("mckibben_hardware.calibrate.session")
+    assert mckibben.hardware is hardware is mckibben_hardware
+    assert hardware.CalibrationSession is session.CalibrationSession
 
     assert (
         mckibben.hosts is hosts is mckibben_hosts and hosts.Part is importlib.import_module("mckibben_hosts.part").Part

@@ -12,7 +12,8 @@ or ``--code``, in Python by `allow_code` or as an argument, or in the environmen
 
 The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
 ``mckibben.models`` and ``mckibben.formats``. Distributions of this repository that are installed by themselves (`PACKAGES`)
-announce commands and names of ``import mckibben`` by ``mckibben.commands`` and ``mckibben.names``.
+announce commands and names of ``import mckibben`` by ``mckibben.commands`` and ``mckibben.names``, and backends of real test
+machines by ``mckibben.hardware``.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from .errors import InputError, MissingLibraryError, not_found, shortened, sugge
 
 T = TypeVar("T")
 # Distributions of this repository that are installed by themselves, by the extra that brings each of them.
-PACKAGES = {"hosts": "mckibben-hosts"}
+PACKAGES = {"hardware": "mckibben-hardware", "hosts": "mckibben-hosts"}
 # Packages whose sources are watched, so that what is lowered from their functions is kept: see `components.programs`.
 WATCHED = {__name__.partition(".")[0]}
 
@@ -47,7 +48,7 @@ def plugins(group: str) -> dict[str, Any]:
     return {point.name: _loaded(point) for point in _entry_points() if point.group == group}
 
 
-def announced(group: str, name: str, package: str, purpose: str) -> Any:
+def announced(group: str, name: str, package: str, purpose: str, *, extra: str | None = None) -> Any:
     """Load what one of `PACKAGES` announces; no other distribution is searched, and nothing else is loaded.
 
     Args:
@@ -55,6 +56,7 @@ def announced(group: str, name: str, package: str, purpose: str) -> Any:
         name: of the entry point.
         package: that announces it, one of `PACKAGES`.
         purpose: what needs it, with the verb, such as ``"mckibben export needs"``.
+        extra: that brings it with a library; that of the package alone by default.
 
     Raises:
         MissingLibraryError: the package is not installed.
@@ -65,7 +67,7 @@ def announced(group: str, name: str, package: str, purpose: str) -> Any:
     try:
         distribution = metadata.distribution(PACKAGES[package])
     except metadata.PackageNotFoundError:
-        raise MissingLibraryError(purpose, PACKAGES[package], package) from None
+        raise MissingLibraryError(purpose, PACKAGES[package], extra or package) from None
     for point in distribution.entry_points:
         if (point.group, point.name) == (group, name):
             return _loaded(point)

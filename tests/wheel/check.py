@@ -25,10 +25,12 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
+HARDWARE = ROOT / "packages" / "mckibben-hardware"
 HOSTS = ROOT / "packages" / "mckibben-hosts"
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
+HARDWARE_KEPT = ("README.md", "LICENSE", "firmware/README.md", "firmware/bench.c")
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
 LONGEST = 300.0  # after which a command is ended [s]
@@ -124,7 +126,13 @@ class Spring(mk.TensionLaw):
 """
 MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
 # Commands of packages that are installed by themselves, where they are not: the extra that brings them.
-PACKAGED = {"conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)), "export": needs("hosts", MUSCLE)}
+PACKAGED = {
+    "conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)),
+    "export": needs("hosts", MUSCLE),
+    "device check": needs("hardware", "--rig", "modern", "--simulate"),
+    "calibrate zero": needs("hardware", "--rig", "modern", "--simulate"),
+    "run": Call((*BENCH, "--on", "serial:/dev/ttyACM0"), says=("mckibben-hardware", "pip install 'mckibben[serial]'")),
+}
 CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],
     "show": [Call((MUSCLE, "--out", "show.svg"), ["show.svg"])],
@@ -314,14 +322,18 @@ def main() -> int:
         wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
         hosts, others = built(HOSTS, "mckibben_hosts", ("README.md", "LICENSE", "NOTICE"), place / "hosts")
         wrong += more + others
+        hardware, others = built(HARDWARE, "mckibben_hardware", HARDWARE_KEPT, place / "hardware")
+        wrong += others
         python = environment(place / "venv")
         install(python, compiler)
         wrong += example_runs(python, COMPILER, place, without="mckibben")
         install(python, compiler, wheel)
         wrong += packaged_commands(python, place)
-        install(python, compiler, wheel, hosts)
+        install(python, compiler, wheel, hardware)
+        wrong += example_runs(python, HARDWARE, place, without="mckibben_hosts")
+        install(python, compiler, wheel, hardware, hosts)
         wrong += example_runs(python, HOSTS, place)
-        names = ", ".join(one.name for one in (compiler, wheel, hosts))
+        names = ", ".join(one.name for one in (compiler, wheel, hardware, hosts))
         print(f"Built and installed {names}: {time.monotonic() - began:.0f} s", flush=True)
         wrong += called(python, place)
     for line in wrong:
@@ -414,7 +426,8 @@ def packaged_commands(python: Path, place: Path) -> list[str]:
     help_text = subprocess.run(
         [python, "-m", "mckibben", "--help"], cwd=place, env=env, check=True, capture_output=True, text=True
     ).stdout
-    wrong = [f"{name}: the help does not list it" for name in PACKAGED if f"\n  {name} " not in help_text]
+    listed = {name.split()[0] for name in PACKAGED}
+    wrong = [f"{name}: the help does not list it" for name in listed if f"\n  {name} " not in help_text]
     for name, call in PACKAGED.items():
         wrong += judged(name, call, python=python, room=place, env=env)
     return wrong

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import batch, components, identification, muscles
+from .. import batch, components, identification, muscles, recordings
 from ..analysis import segments
 from ..assembly import build
 from ..batch import run_template
-from ..bench import biological_run, calibrate, rig_file, software
+from ..bench import biological_run, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import rig as rigs
@@ -465,7 +465,7 @@ def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None =
     if calibration is None:
         return on
 
-    return on.calibrated(calibrate.read_calibration(calibration))
+    return on.calibrated(recordings.calibration_file.read_calibration(calibration))
 
 
 def _unused(path: Path) -> Path:
