@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from mckibben.bench import rig_file
-from mckibben.bench.hardware.backends import check_connection, connected
+from mckibben.bench import hardware, rig_file
 from mckibben.cli._outputs import OBJECT, SPECIMEN, OutputKinds, Paths
 from mckibben.cli._terminal import Json, RigName, pairs, print_json, table
 from mckibben.cli.calibration import correction_content, term_and_interval
@@ -315,11 +314,11 @@ def _source(
             "terminal", None, "is missing: nobody can be asked for the points; run it in a terminal, or with --simulate"
         )
 
-    check_connection(wanted.machine)
-    with connected(wanted.machine, rig, calibrating.session.PERIOD) as hardware:
-        assert hardware is not None
+    hardware.backends.check_connection(wanted.machine)
+    with hardware.backends.connected(wanted.machine, rig, calibrating.session.PERIOD) as machine:
+        assert machine is not None
         with calibrating.session.HardwareReadings(
-            hardware, rig.converters(0.0), scales=calibrating.session.grids(rig)
+            machine, rig.converters(0.0), scales=calibrating.session.grids(rig)
         ) as readings:
             yield readings, ask_person, tell_person
 

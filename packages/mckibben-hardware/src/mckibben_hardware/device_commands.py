@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from mckibben.bench import rig_file, segment
-from mckibben.bench.hardware import backends
+from mckibben.bench import hardware, rig_file, segment
 from mckibben.cli._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Paths, write_recording
 from mckibben.cli._progress import progress
 from mckibben.cli._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, table
@@ -153,11 +152,11 @@ def check(
         problem = "is allowed only without --simulate" if simulate else "is missing: give --on MACHINE or --simulate"
         raise InputError("--on", None, problem)
     with CHECKED.files(out) as files:
-        backends.check_connection(machine)
+        hardware.backends.check_connection(machine)
         if machine is not None and not yes:
             _ask(pressure, motor)
         with (
-            backends.connected(machine, one, period) as real,
+            hardware.backends.connected(machine, one, period) as real,
             progress("checking", 1.0, saved="The machine was vented.", guarded=False) as bar,
         ):
             checked = real or commissioning.simulated_machine(one, muscle, period=period, motor=motor, seed=seed)
