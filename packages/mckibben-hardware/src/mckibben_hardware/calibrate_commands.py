@@ -19,8 +19,7 @@ from mckibben.cli.calibration import correction_content, term_and_interval
 from mckibben.cli.run import On
 from mckibben.errors import InputError
 from mckibben.quantities import parse, split_values, with_unit
-from mckibben.recordings import calibration, provenance
-from mckibben.recordings.calibration_file import merged, write_calibration
+from mckibben.recordings import calibration, calibration_file, provenance
 
 from . import calibrate as calibrating
 
@@ -283,7 +282,7 @@ def _session(
     rig = rig_file.rig(wanted.rig, {path.removeprefix("rig."): value for path, value in changes.items()})
     date = provenance.created()
     if wanted.file is not None:
-        merged(wanted.file, rig.name, {}, date)
+        calibration_file.merged(wanted.file, rig.name, {}, date)
     with _source(wanted, rig, reference) as (source, ask, again):
         yield calibrating.session.CalibrationSession(
             source=source,
@@ -351,14 +350,14 @@ def _done(wanted: _Wanted, session: calibrating.session.CalibrationSession, outc
     if wanted.file is None:
         whole = calibration.Calibration(rig=name, created=session.date, corrections=outcome.corrections)
     else:
-        before = merged(wanted.file, name, {}, session.date).corrections
-        whole = merged(wanted.file, name, outcome.corrections, session.date)
+        before = calibration_file.merged(wanted.file, name, {}, session.date).corrections
+        whole = calibration_file.merged(wanted.file, name, outcome.corrections, session.date)
         for channel, one in outcome.corrections.items():
             other = before[channel].sensor if channel in before else one.sensor
             if other and one.sensor and other != one.sensor:
                 notes.append(f"{channel} was of the sensor {other}: what was known of it is dropped")
     with CALIBRATION.files(wanted.out) as files:
-        files.write("calibration", lambda path: write_calibration(whole, path))
+        files.write("calibration", lambda path: calibration_file.write_calibration(whole, path))
         content = _content(whole, outcome, wanted.file, notes)
         files.write_result(content)
         if wanted.as_json:
