@@ -233,7 +233,8 @@ def test_a_file_of_labview_has_all_channels_of_several_x_columns(tmp_path):
 def test_oscilloscopes_say_their_clock_each_in_its_own_way(tmp_path):
     rigol = "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-1.2e-02,2e-03\n0,1.0,0.0,,\n1,1.5,0.1,,\n2,1.9,0.2,,\n"
     old = "Record Length,3,,-0.1,0.02,\nSource,CH1,,-0.0999,0.03,\nVertical Units,V,,-0.0998,0.5,\n"
-    new = "Model,MSO44\nHorizontal Units,s\nVertical Units,V,V\nLabel,pressure,force\nTIME,CH1,CH2\n0,1,2\n1e-3,2,3\n2e-3,3,4\n"
+    new = "Model,MSO44\nHorizontal Units,s\nVertical Units,V,V\nLabel,pressure,force\nTIME,CH1,CH2\n0,1,2\n1e-3,2,3\n"
+    new += "2e-3,3,4\n"
     a, b, c = (mk.read(put(tmp_path / f"{i}.csv", text)) for i, text in enumerate((rigol, old, new)))
     np.testing.assert_allclose(a.time, [-0.012, -0.010, -0.008], rtol=1e-12)
     assert b["ch1"].tolist() == [0.02, 0.03, 0.5] and b.unit("ch1") == "V"
@@ -247,7 +248,8 @@ def test_opensim_and_testxpert_are_read_without_an_option(tmp_path):
     )
     assert [motion.data.unit(n) for n in ("pam_force", "pam_length")] == ["N", "m"]
     assert "those of OpenSim" in motion.remarks[0]
-    machine = '"Prüfer";"Labor"\n"Vorkraft";5;"N"\n"Prüfzeit";"Weg";"Kraft"\n"s";"mm";"N"\n0,00;0,0;5,01\n0,02;0,1;1.002,34\n0,04;0,2;1.010,1\n'
+    machine = '"Prüfer";"Labor"\n"Vorkraft";5;"N"\n"Prüfzeit";"Weg";"Kraft"\n"s";"mm";"N"\n'
+    machine += "0,00;0,0;5,01\n0,02;0,1;1.002,34\n0,04;0,2;1.010,1\n"
     read = mk.read(put(tmp_path / "a.TRA", machine, "cp1252"))
     assert read["kraft"].tolist() == [5.01, 1002.34, 1010.1]
 
@@ -284,7 +286,7 @@ def test_channels_of_two_start_times_are_on_one_clock(tmp_path):
     with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
         writer.write_segment([channel("a", "V", 0.0), channel("b", "V", 0.5)])
     read = understand(tmp_path / "a.tdms")
-    # One signal on two clocks: interpolation errs by at most step^2/8 = 1.3e-5; here the samples meet, to rounding of the clock.
+    # One signal on two clocks: interpolation errs by at most step^2/8 = 1.3e-5; here samples meet, to rounding of the clock.
     np.testing.assert_allclose(read.data["a"], read.data["b"], atol=1e-9)
     assert read.data.time[0] == pytest.approx(0.5) and len(read.data) == 150
     assert "b is interpolated to the times of a" in read.remarks

@@ -85,14 +85,14 @@ def mend_clock(
         # Stamps of a coarse clock: samples of one stamp lie evenly up to the next.
         first = np.flatnonzero(np.r_[True, ~same])
         ends = np.r_[time[first][1:], time[first][-1] + usual]
-        for begin, end, until in zip(first, np.r_[first[1:], len(time)], ends, strict=True):
+        for begin, end, until in zip(first.tolist(), [*first[1:].tolist(), len(time)], ends, strict=True):
             if until > time[begin]:
                 time[begin:end] = np.linspace(time[begin], until, end - begin, endpoint=False)
         remarks.append("several samples have one time; they are spread evenly up to the next")
         steps = np.diff(time)
     elif same.any():
         kept = kept[np.r_[True, ~same]]
-        numbers = [i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(np.r_[False, same])]
+        numbers = [i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(np.r_[False, same]).tolist()]
         remarks.append(rows_left_out(numbers, "it has the time of the row before"))
         time = time[kept]
         steps = np.diff(time)

@@ -98,7 +98,7 @@ def without_blank_rows(table: ForeignTable, used: Mapping[int, np.ndarray], wher
         for blank, reason in ((lacking & ~over, "is blank"), (over, "has no reading, but an overload")):
             if blank.any():
                 remarks[f"{label} {reason}"] = [
-                    i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(blank)
+                    i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(blank).tolist()
                 ]
         keep &= ~lacking
     return keep, [rows_left_out(rows, reason) for reason, rows in sorted(remarks.items(), key=lambda item: item[1])]
@@ -238,7 +238,7 @@ def assemble(
     asked = {*(columns or {}), *(units or {}), *scaled, *((required,) if isinstance(required, str) else required)}
     unknown = _leave_unknown_units(sources, foreign, words, asked)
     remarks += unknown
-    clock, left = _clock(sources, foreign, where)
+    clock, left = _clock(sources, foreign, bool(columns), where)
     numbers = {
         name: foreign[c.at].values
         if is_date(foreign[c.at].values)
@@ -515,8 +515,10 @@ def _kind_of_unit(word: str) -> str | None:
         return None
 
 
-def _clock(sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], where: str) -> tuple[str, list[str]]:
-    """The clock that all channels get: that of the time where the file has one, else the finest.
+def _clock(
+    sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], chosen: bool, where: str
+) -> tuple[str, list[str]]:
+    """The clock that all channels get: that of the time where the file has one, of the first one `chosen`, else the finest.
 
     Channels of other clocks are interpolated to it where their times are known, and left out where they are not.
     """
@@ -536,7 +538,7 @@ def _clock(sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], w
             raise InputError(
                 "columns", f"of {len(clocks)} clocks", needs, sentence=sentence, where=where, remedy="column NAME"
             )
-        kept = max(clocks, key=lambda clock: len(timed[clock]))
+        kept = next(iter(clocks)) if chosen else max(clocks, key=lambda clock: len(timed[clock]))
     others = [name for name, column in sources.items() if foreign[column.at].clock != kept]
     if kept in timed and all(foreign[sources[name].at].clock in timed for name in others):
         return kept, [f"{name} is interpolated to the times of {_first_of(kept, sources, foreign)}" for name in others]

@@ -178,7 +178,7 @@ class Recording:
 
     @property
     def runs(self) -> tuple[Recording, ...]:
-        r"""The runs that a file of another program holds one after another, each on its own clock; of one run this recording.
+        r"""The runs that a file of another program holds one after another, each on its own clock; else this one alone.
 
         Examples:
             >>> import mckibben as mk
