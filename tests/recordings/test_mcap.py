@@ -1,5 +1,6 @@
 """A damaged log gives back what is sound and never crashes or hangs; MCAP files of others are read, or refused in a line."""
 
+import dataclasses
 import io
 import json
 import math
@@ -19,6 +20,7 @@ from mckibben.errors import InputError
 from mckibben.formats.live_log import HEAD
 from mckibben.formats.mcap import write_log
 from mckibben.formats.mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
+from mckibben.formats.messages import LoggedMessage, json_message, protobuf_decoder, ros_message
 from mckibben.recordings import Channel, LiveLog, Recording, read_any
 from mckibben.recordings.files import read_log
 
@@ -276,6 +278,54 @@ def test_plain_ros_messages_of_others_become_channels(tmp_path: Path) -> None:
     assert read.recording["small"].tolist() == [0.5] * 3
     assert any("/camera is left out" in line for line in read.remarks)
     assert any("/p is left out: its messages are protobuf" in line for line in read.remarks)
+
+
+@dataclasses.dataclass
+class Inner:
+    force: float = 2.5
+
+
+@dataclasses.dataclass
+class Outer:
+    inner: Inner = dataclasses.field(default_factory=Inner)
+    ok: bool = True
+    count: int = 3
+    who: str = "me"
+    samples: list[float] = dataclasses.field(default_factory=lambda: [1.0, 2.0])
+    none: list[float] = dataclasses.field(default_factory=list)
+
+
+def in_protobuf(message: Outer) -> LoggedMessage:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    kinds = {"force": 1, "ok": 8, "count": 5, "who": 9, "samples": 1, "none": 1, "inner": 11}
+    file = descriptor_pb2.FileDescriptorProto(name="a.proto", syntax="proto3")
+    for name, fields in (("Inner", ["force"]), ("Outer", ["inner", "ok", "count", "who", "samples", "none"])):
+        made = file.message_type.add(name=name)
+        for number, field in enumerate(fields, 1):
+            kept = made.field.add(
+                name=field, number=number, type=kinds[field], label=3 if field in ("samples", "none") else 1
+            )
+            if field == "inner":
+                kept.type_name = ".Inner"
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    values = dataclasses.asdict(message)
+    data = message_factory.GetMessageClass(pool.FindMessageTypeByName("Outer"))(**values).SerializeToString()
+    schema = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    return protobuf_decoder("Outer", schema, where="a.mcap")(data)
+
+
+def test_a_message_says_the_same_in_every_encoding() -> None:
+    one = LoggedMessage({"inner.force": 2.5, "ok": True, "count": 3.0}, None, ("samples",))
+    for said in (json_message(dataclasses.asdict(Outer())), ros_message(Outer()), in_protobuf(Outer())):
+        assert said == one
+        assert [type(value) is bool for value in said.numbers.values()] == [False, True, False]
+
+
+def test_lists_in_messages_are_left_out_with_a_word(tmp_path: Path) -> None:
+    path = foreign(tmp_path / "a.mcap", {"/rig": as_json(*({"p": float(i), "raw": [1, 2]} for i in range(3)))})
+    assert "/rig.raw is left out: it is a list" in read_any(path, units={"p": "N"}).remarks
 
 
 def test_topics_of_two_clocks_must_be_chosen_from(tmp_path: Path) -> None:
