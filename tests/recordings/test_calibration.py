@@ -1,5 +1,6 @@
 """A calibration in a recording: what it says, when it ends, and that another one can be applied without any loss."""
 
+import dataclasses
 import datetime
 import json
 import math
@@ -293,3 +294,13 @@ def test_terms_determined_later_leave_other_channels_and_take_over_new_ones():
     assert after.corrections["tension"] == whole.corrections["tension"].updated(zero)
     assert (after.corrections["pressure"], after.created, after.rig) == (other, "2026-07-01T00:00:00+00:00", whole.rig)
     assert calibration(valid_for=math.inf).corrections["tension"].terms["gain"].origin.expires is None
+
+
+def test_of_two_terms_the_one_that_is_too_old_is_named_alone():
+    one = calibration(valid_for=30.0 * DAY).corrections["tension"]
+    young = dataclasses.replace(one.terms["gain"], origin=origin(valid_for=math.inf))
+    whole = dataclasses.replace(
+        calibration(), corrections={"tension": dataclasses.replace(one, terms={**one.terms, "gain": young})}
+    )
+    (said,) = whole.expired("2027-01-01T00:00:00+00:00")
+    assert said.startswith("the calibration of tension (zero by weights on 2026-03-31, valid for 30 days)")
