@@ -20,6 +20,7 @@ from mckibben.errors import InputError
 from mckibben.formats.live_log import HEAD
 from mckibben.formats.mcap import write_log
 from mckibben.formats.mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
+from mckibben.formats.mcap_records import _unpacked as unpack
 from mckibben.formats.messages import LoggedMessage, json_message, protobuf_decoder, ros_message
 from mckibben.recordings import Channel, LiveLog, Recording, read_any
 from mckibben.recordings.files import read_log
@@ -352,6 +353,20 @@ def test_damaged_files_of_others_are_read_or_refused(data: st.DataObject) -> Non
             read_any(path, units={"p": "N"})
         except InputError as error:
             assert "\n" not in str(error)
+
+
+def test_a_chunk_is_unpacked_to_its_stated_size_whether_its_frame_states_one_or_not() -> None:
+    import lz4.frame
+    import zstandard
+
+    data = b"0123456789" * 20
+    zstd = [zstandard.ZstdCompressor(write_content_size=stated).compress(data) for stated in (True, False)]
+    for kind, packed in (*((b"zstd", one) for one in zstd), (b"lz4", lz4.frame.compress(data))):
+        assert unpack(kind, packed, len(data)) == data
+        assert unpack(kind, packed[: len(packed) // 2], len(data)) != data
+    for size in (0, 10, len(data) + 1):
+        assert unpack(b"zstd", zstd[0], size) is None  # it states another one
+    assert unpack(b"gzip", data, len(data)) is None and unpack(b"zstd", b"nothing", 7) is None
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
