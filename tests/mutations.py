@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[1]
 SOURCES = ROOT / "src" / "mckibben"
 ROOMS = {"physics": PHYSICS_TESTS, "software": SOFTWARE_TESTS, "guards": GUARDS_TESTS}
 SHARES = ("physics", "software", "guards", "physics", "software", "guards", "physics")  # of a round, in turn
-LIMIT = 60.0  # for a file of tests [s of processor time]
+LIMIT, MOST = 60.0, 150.0  # for a file of tests, and for all those of a mutation [s of processor time]
 TURNED: dict[type, str] = {
     ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
     ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
@@ -158,12 +158,12 @@ def run(one: Mutation, tree: Path, wrapper: list[str]) -> str:
     packages = [tree / "src", *(tree / "packages").glob("*/src")]
     words = [*wrapper, sys.executable, *"-m pytest -x -n 0 --tb=line -rfE -m".split(), "not slow"]
     process = subprocess.Popen(
-        ["bash", "-c", f'ulimit -t {LIMIT * len(one.tests):.0f}; exec "$@"', "-", *words, *one.tests],
+        ["bash", "-c", f'ulimit -t {min(MOST, LIMIT * len(one.tests)):.0f}; exec "$@"', "-", *words, *one.tests],
         cwd=tree, env={**os.environ, "PYTHONPATH": ":".join(map(str, packages))},
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
     try:
-        out, _ = process.communicate(timeout=10.0 * LIMIT)
+        out, _ = process.communicate(timeout=4.0 * MOST)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         out, _ = process.communicate()

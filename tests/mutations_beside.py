@@ -52,7 +52,6 @@ PHYSICS_TESTS = {
     "identification/circuit_fit.py": "identification/test_circuit_fit.py identification/test_standstill.py",
     "identification/ranking.py": "identification/test_ranking.py report/test_fit_report.py "
     "identification/test_priors.py",
-    "identification/sampler.py": "identification/test_posterior.py",
 }
 SOFTWARE_TESTS = {
     "bench/software/controllers.py": "bench/test_controllers.py bench/test_joint.py",
