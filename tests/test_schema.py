@@ -217,7 +217,7 @@ def test_a_part_is_of_the_kind_that_it_names_and_other_values_are_as_they_are_de
     assert (thing.name, thing.count, thing.length) == ("ab", 4, 1.0)
     for stated, says in (
         ({"part": {"length": "2 m"}}, "s.part.kind is missing: it must be leg or thing"),
-        ({"part": {"kind": "leg", "lenght": "2 m"}}, "leg has length, joints"),
+        ({"part": {"kind": "leg", "lenght": "2 m"}}, "Leg has length, joints"),
         ({"part": 3}, 's.part must be a table such as { kind = "leg", .. }'),
         ({"tags": ["z"]}, "Known are x, y"),
         ({"numbers": {"a": True}}, "s.numbers.a must be a number"),
