@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..errors import InputError, PlausibilityWarning
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds
 from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 
@@ -155,6 +156,13 @@ def _draw_loop(answer: FittedFriction, path: Path) -> None:
     style.save(fit_figures.loop_bands(answer.fit, answer.samples), path)
 
 
+def _save_fits(answer: FittedTables, path: Path) -> str:
+    with warnings.catch_warnings():  # the answer has the caution that saving repeats
+        warnings.simplefilter("ignore", PlausibilityWarning)
+        answer.rankings[0].save(path)
+    return answer.rankings[0].saved_laws()
+
+
 def _check_fits(given: Mapping[str, Any], files: OutputFiles) -> None:
     if files["specimen"] and len(given["tables"]) > 1 and not given["runs"]:
         raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
@@ -187,7 +195,7 @@ fit_tables = VerbCommand(
     draw=_draw_fits,
     writes={
         "report": lambda answer, path: answer.report(path),
-        "specimen": lambda answer, path: answer.rankings[0].save(path),
+        "specimen": _save_fits,
     },
     doing=("fitting", _fit_stages),
     check=_check_fits,
