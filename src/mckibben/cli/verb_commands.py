@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..studies.fitting import FittedFriction, FittedTables
     from ..studies.jumping_robot import RobotFit
     from ..studies.muscle_loops import LoopStudy
-    from ..studies.next_measurement import NextMeasurement
+    from ..studies.next_measurement import NextMeasurement, NextReadings
     from ..studies.sizing import Sizing
     from ..studies.tube_study import TubeStudy
     from ..studies.validation import Validation
@@ -221,9 +221,12 @@ fit = VerbsCommand(
 )
 
 
-def _write_protocol(answer: NextMeasurement, path: Path) -> None:
+def _write_protocol(answer: NextMeasurement | NextReadings, path: Path) -> None:
     from ..documents import write_text
+    from ..studies.next_measurement import NextReadings
 
+    if isinstance(answer, NextReadings):
+        raise InputError("--out", str(path), "is a protocol, which is made of a fit only: give a table or a result")
     write_text(path, answer.chosen.protocol())
 
 
@@ -233,8 +236,9 @@ next_measurement = VerbCommand(
     (
         "next --from fit.json --rig modern --budget '5 min' --out next.toml",
         "next --from fit.json --laws gas_spring,linear_threshold --out next.toml",
+        "next --like festo-10mm --set rest_length='132 mm' --length '115 mm'",
     ),
-    options={"fit": "from"},
+    options={"fit": "from", "parameters": "set"},
     writes={"protocol": _write_protocol},
 )
 
