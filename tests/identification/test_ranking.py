@@ -131,6 +131,9 @@ def test_parameters_that_the_data_do_not_tell_apart_are_one_row_of_a_table_for_e
     show_fit(ranking)
     printed = capsys.readouterr().out
     assert printed.count("rest_radius, rest_angle, end_factor") == 1 and "tell rest_radius" not in printed
+    show_fit(replace(ranking, fits=[ranking["tondu_lopez"]]))  # nor of the law that stands first
+    printed = capsys.readouterr().out
+    assert printed.count("rest_radius, rest_angle, end_factor") == 1 and "tell rest_radius" not in printed
     assert [sum("tell" in one for one in f.warnings) for f in ranking] == [0, 1]
 
 

@@ -43,6 +43,7 @@ MeasuredTable = ForceMap | str | os.PathLike[str]
 # Open-access tables that ship with the package, by the key of their paper.
 ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
 SCHEMES = {"pressure": "pressure", "length": "length", "block": "block", "rest_length": "muscle"}
+TRUST = "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
 ERRS = 0.2  # of the largest tension: a prediction that errs by more does not extrapolate
 
 
@@ -197,9 +198,15 @@ class Ranking(Answer):
         at_bound = {n: best.parameters[n]._replace(value=bound_of(best, n)) for n in best.at_bound}
         bounds = dict.fromkeys(at_bound, "at its bound")
         # what was assumed stands in the remarks, for all laws, with how to state it
-        said = [one for one in cautions_of(best, self.points.largest) if not one.startswith("Assumed")]
+        # nor what the table of inseparable parameters says
+        said_below = {_sentence(str(group)) for group in best.inseparable} | {TRUST}
+        said = [
+            one
+            for one in cautions_of(best, self.points.largest)
+            if one not in said_below and not one.startswith("Assumed")
+        ]
         notes = [f"note: {best.law}: {one}" for one in said]
-        # what their verdicts and the table of inseparable parameters say is not said once more
+        # what the verdicts of others say is not said once more
         notes += [f"note: {f.law}: did not converge: {f.message}" for f in self.fits[1:] if not f.converged]
         if best.effective is not None:
             notes.insert(0, f"{best.effective:.1f} of these are determined by the data rather than their priors")
@@ -506,9 +513,7 @@ def cautions_of(f: Fit, largest: float) -> list[str]:
             "parameters. A simpler law may say the same."
         )
     if f.inseparable:
-        said.append(
-            "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
-        )
+        said.append(TRUST)
     for scheme, cross in f.cross.items():
         if cross.failed:
             said.append(
