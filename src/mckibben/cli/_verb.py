@@ -32,9 +32,19 @@ from ._terminal import (
     writable,
 )
 
-SINGULAR = {"columns": "column", "units": "unit"}  # options with the words of all commands
-PAIRS = {"NAME=COLUMN": "force='F [N]'", "NAME=UNIT": "force=N"}  # examples of what is typed of a table
-REMEDIES = {"sheet": "NAME", "rest_length": "'300 mm'", "frequency": "'28 Hz'"}  # values of options that errors ask for
+SINGULAR = {"columns": "column", "units": "unit", "scales": "scale"}  # options with the words of all commands
+PAIRS = {
+    "NAME=COLUMN": "force='F [N]'",
+    "NAME=UNIT": "force=N",
+    "NAME=SCALE": "pressure='2 bar/V'",
+}  # examples of what is typed of a table
+REMEDIES = {
+    "sheet": "NAME",
+    "decimal": ". or --decimal ,",
+    "header": "'NAME [UNIT], ..'",
+    "rest_length": "'300 mm'",
+    "frequency": "'28 Hz'",
+}  # values of options that errors ask for
 
 
 class Shorthand(NamedTuple):
