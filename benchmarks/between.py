@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import written
 
 from mckibben.identification.between import Between, MusclePoints, NewMuscle, thinned
 from mckibben.identification.calibration import muscle_of_fit
@@ -315,9 +316,10 @@ def draw(result: list[dict[str, Any]]) -> None:
         axes.set(xlabel="readings of the muscle", ylabel="error, rms, % of the largest tension", ylim=(0.0, None))
         axes.legend()
         style.save(fig, DOCS / "assets" / "between.svg")
-    page = DOCS / "explanation" / "how-far-to-trust-a-number.md"
-    before, _, rest = page.read_text().partition(BEGIN)
-    page.write_text(f"{before}{BEGIN}\n\n{lines(result)}\n\n{END}{rest.partition(END)[2]}")
+    written.write(WRITTEN, result)
+
+
+WRITTEN = (written.WrittenPart("explanation/how-far-to-trust-a-number.md", BEGIN, END, lines),)
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from mckibben.studies.validation import (
     static_sets,
     validation,
 )
-from mckibben.studies.validation_page import _gathered, page, share
+from mckibben.studies.validation_page import page, share
 
 PAGE = Path(__file__).parents[2] / "docs/reference/validation.md"
 SHIPPED, LAWS = "DMSP-10-250", ("ideal", "martens_boblan")
@@ -161,14 +161,6 @@ def test_the_page_says_what_was_computed() -> None:
     assert one.of.source in text and one.of.licence in text
     for line in text.splitlines():
         assert line.count("|") in (0, *(text_line.count("|") for text_line in text.splitlines() if "---" in text_line))
-
-
-def test_pairs_that_data_cannot_tell_apart_are_said_at_once() -> None:
-    pairs = [f"the data can hardly tell {a} and {b} apart (correlation +0.9999)" for a, b in ("ab", "ac", "bc")]
-    assert _gathered([*pairs, "d lies on its bound"]) == [
-        "the data can hardly tell a, b and c apart",
-        "d lies on its bound",
-    ]
 
 
 def test_shares_say_when_a_law_fails() -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..errors import InputError, PlausibilityWarning
 from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds
 from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from ..studies.fitting import FittedFriction, FittedTables
     from ..studies.jumping_robot import RobotFit
     from ..studies.muscle_loops import LoopStudy
-    from ..studies.next_measurement import NextMeasurement
+    from ..studies.next_measurement import NextMeasurement, NextReadings
     from ..studies.sizing import Sizing
     from ..studies.tube_study import TubeStudy
     from ..studies.validation import Validation
@@ -155,6 +156,13 @@ def _draw_loop(answer: FittedFriction, path: Path) -> None:
     style.save(fit_figures.loop_bands(answer.fit, answer.samples), path)
 
 
+def _save_fits(answer: FittedTables, path: Path) -> str:
+    with warnings.catch_warnings():  # the answer has the caution that saving repeats
+        warnings.simplefilter("ignore", PlausibilityWarning)
+        answer.rankings[0].save(path)
+    return answer.rankings[0].saved_laws()
+
+
 def _check_fits(given: Mapping[str, Any], files: OutputFiles) -> None:
     if files["specimen"] and len(given["tables"]) > 1 and not given["runs"]:
         raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
@@ -187,7 +195,7 @@ fit_tables = VerbCommand(
     draw=_draw_fits,
     writes={
         "report": lambda answer, path: answer.report(path),
-        "specimen": lambda answer, path: answer.rankings[0].save(path),
+        "specimen": _save_fits,
     },
     doing=("fitting", _fit_stages),
     check=_check_fits,
@@ -213,9 +221,12 @@ fit = VerbsCommand(
 )
 
 
-def _write_protocol(answer: NextMeasurement, path: Path) -> None:
+def _write_protocol(answer: NextMeasurement | NextReadings, path: Path) -> None:
     from ..documents import write_text
+    from ..studies.next_measurement import NextReadings
 
+    if isinstance(answer, NextReadings):
+        raise InputError("--out", str(path), "is a protocol, which is made of a fit only: give a table or a result")
     write_text(path, answer.chosen.protocol())
 
 
@@ -225,8 +236,9 @@ next_measurement = VerbCommand(
     (
         "next --from fit.json --rig modern --budget '5 min' --out next.toml",
         "next --from fit.json --laws gas_spring,linear_threshold --out next.toml",
+        "next --like festo-10mm --set rest_length='132 mm' --length '115 mm'",
     ),
-    options={"fit": "from"},
+    options={"fit": "from", "parameters": "set"},
     writes={"protocol": _write_protocol},
 )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 
 from ..identification import Fit
@@ -185,25 +184,9 @@ _SCHEMES = ("pressure", "length", "block", "rest_length")
 
 
 def _notes(one: StaticResult) -> list[str]:
-    said = [f"`{f.law}`: {w}" for f in one.fits for w in _gathered(f.warnings)]
+    said = [f"`{f.law}`: {w}" for f in one.fits for w in f.warnings]
     said += [f"`{law}` was left out: {why}" for law, why in one.skipped.items()]
     return ["\n".join(f"- {line}" for line in said)] if said else []
-
-
-def _gathered(warnings: Iterable[str]) -> list[str]:
-    """Merge warnings about pairs of parameters: a law with four of them may have six pairs."""
-    said: list[str] = []
-    together: list[str] = []
-    for warning in warnings:
-        pair = re.fullmatch(r"the data can hardly tell (\w+) and (\w+) apart \(.*\)", warning)
-        if pair:
-            together += pair.groups()
-        else:
-            said.append(warning)
-    names = list(dict.fromkeys(together))
-    if names:
-        said.insert(0, f"the data can hardly tell {', '.join(names[:-1])} and {names[-1]} apart")
-    return said
 
 
 def _loops(study: LoopStudy) -> list[str]:

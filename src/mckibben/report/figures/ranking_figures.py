@@ -35,7 +35,7 @@ class _Row(NamedTuple):
 def ranking(study: Ranking) -> Figure:
     """Draw laws in their ranking with errors of prediction, in % of the largest tension on a logarithmic axis.
 
-    Root mean square and largest error of points whose pressure was left out; dashed, those above the training pressures.
+    Root mean square and largest error of points that were left out; dashed, those above the training pressures.
     """
     each = 0.42 if formats.drawn_width(style.WIDE) < NARROW_TABLE else 0.315  # [inch]
     fig = style.figure(style.WIDE, 1.13 + each * (len(study.fits) + len(study.published)), rows=True)
@@ -54,7 +54,7 @@ def _rows(study: Ranking) -> list[_Row]:
             title = title.split(",")[0]  # what follows the comma has no room beside the bars
         predicted, beyond = (
             (row[f"{key}_rmse"] / size, row[f"{key}_share"]) if f"{key}_rmse" in row else None
-            for key in ("pressure", "above")
+            for key in ("left_out", "above")
         )
         remark = "published" if not fitted else str(row["free"]) if converged else "not converged"
         rows.append(_Row(title, remark, converged, predicted, beyond, (row["rmse"] / size, row["share"])))
@@ -168,7 +168,7 @@ def _columns(ax: Axes, rows: list[_Row], trained: str, brief: bool, *, below: fl
         lambda r: r.beyond[1] if r.beyond else None,
     ]
     columns = [("▲ rms", 52.0), ("┃ largest", 104.0), ("▷ rms", 168.0), ("┃ largest", 220.0)]
-    heads = [("each pressure left out", 12.0, 104.0), (trained, 128.0, 220.0)]
+    heads = [("points left out", 12.0, 104.0), (trained, 128.0, 220.0)]
     if brief:
         columns = [("", 0.0), ("┃ largest", 56.0), ("", 0.0), ("┃ largest", 120.0)]
         heads = [("▲ left out", 8.0, 56.0), (trained.replace("trained", "▷"), 66.0, 120.0)]
