@@ -735,7 +735,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
         "Units, errors, citations, names, documents, schemas, registries and extras.",
         ["quantities", "accessors", "answers", "slips", "verbs", "errors", "citations", "nomenclature", "documents", "estimation", "extras", "isolation", "registry", "schema"],
     ),
-    "benchmarking": ("benchmarking", "Benchmark of muscle models on measured tasks.", ["benchmarking.**"]),
+    "benchmark": ("benchmark", "Benchmark of muscle models on measured tasks, and the studies that validate them: the distribution `mckibben-benchmark`.", ["mckibben_benchmark.**"]),
     "reproduction": ("reproduction", "Reproduction of the papers' numbers.", ["reproduction.**"]),
     "report": ("report", "Reports and other output files.", ["report.*"]),
     "figures": ("Figures", "Figures.", ["report.figures.**"]),

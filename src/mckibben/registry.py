@@ -32,7 +32,7 @@ from .errors import InputError, MissingLibraryError, not_found, shortened, sugge
 
 T = TypeVar("T")
 # Distributions of this repository that are installed by themselves, by the extra that brings each of them.
-PACKAGES = {"hosts": "mckibben-hosts"}
+PACKAGES = {"benchmark": "mckibben-benchmark", "hosts": "mckibben-hosts"}
 # Packages whose sources are watched, so that what is lowered from their functions is kept: see `components.programs`.
 WATCHED = {__name__.partition(".")[0]}
 

@@ -29,7 +29,6 @@ from mckibben.report.figures import (
     energy_figures,
     fit_figures,
     muscle_figures,
-    ranking_figures,
     recording_figures,
     run_figures,
     sizing_figures,
@@ -42,6 +41,7 @@ from mckibben.studies import tube_models
 from mckibben.studies.design import Design, DesignStudy
 from mckibben.studies.sizing.candidate import VERDICTS
 from mckibben.studies.sizing.requirements import Requirements
+from mckibben_benchmark import figures as benchmark_figures
 
 record = functools.cache(functools.partial(machine_record, pressure=["1 bar", "3 bar", "5 bar"]))
 
@@ -345,8 +345,8 @@ def studied() -> dict[str, Callable[[], Any]]:
         "sizing": lambda: sizing_figures.design_map(sizing()),
         "design front": lambda: sizing_figures.design_front(designs()),
         "tubes": lambda: study_figures.tube_figure(tubes()),
-        "validation": lambda: ranking_figures.errors_figure(validated()),
-        "loop study": lambda: study_figures.loop_study_figure(loop_study()),
+        "validation": lambda: benchmark_figures.errors_figure(validated()),
+        "loop study": lambda: benchmark_figures.loop_study_figure(loop_study()),
         "circuit fit": lambda: run_figures.overview(*circuit_fit(), title="A tank behind a tube"),
         "circuit run": lambda: run_figures.run_figure(circuit_run()),
         "joint": lambda: run_figures.joint_figure(joint_record()),

@@ -63,7 +63,7 @@ UPPER = (
     ("cli",),
     ("web",),
     ("report",),
-    ("benchmarking", "reproduction"),
+    ("reproduction",),
     ("studies",),
     ("batch",),
     ("bench", "identification", "simulation"),

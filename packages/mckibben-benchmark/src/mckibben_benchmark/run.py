@@ -14,15 +14,16 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..answers import brief
-from ..documents import JsonValue, parse_json, read_text
-from ..errors import ConvergenceError, InputError, MissingDataError
-from ..muscles.law import TensionLaw
-from ..muscles.laws import LAWS
-from ..registry import Registry, is_reference, load_reference, named_by_person
-from ..studies.validation import measured_data
+from mckibben.answers import brief
+from mckibben.documents import JsonValue, parse_json, read_text
+from mckibben.errors import ConvergenceError, InputError, MissingDataError
+from mckibben.muscles.law import TensionLaw
+from mckibben.muscles.laws import LAWS
+from mckibben.registry import Registry, is_reference, load_reference, named_by_person
+
 from .datasets import BenchmarkRecord, DataSplit
 from .tasks import TASKS, BenchmarkTask, task
+from .validation import measured_data
 
 
 @runtime_checkable
@@ -41,7 +42,7 @@ class BenchmarkModel(Protocol):
         ...         self.value = np.mean(np.concatenate([r.outputs["tension"] for r in train]))
         ...     def predict(self, record):
         ...         return {"tension": np.full(len(record), self.value)}
-        >>> from mckibben.benchmarking import run_task, task
+        >>> from mckibben_benchmark import run_task, task
         >>> chosen = task("map-above-4-bar")
         >>> run_task(chosen, chosen.load(), "mean", model=Mean()).rms() > 0.2
         True
@@ -429,9 +430,9 @@ def run_task(
         if model is None and not is_reference(name):
             raise  # a model of this package has a bug
         # What went wrong in a model that someone else wrote, and the last of its own lines, in one sentence
-        package = str(Path(__file__).parents[1])
+        packages = [str(Path(str(sys.modules[name].__file__)).parent) for name in ("mckibben", __package__)]
         frames = traceback.extract_tb(error.__traceback__)
-        own = [frame for frame in frames if not frame.filename.startswith((package, sys.prefix, sys.base_prefix))]
+        own = [frame for frame in frames if not frame.filename.startswith((*packages, sys.prefix, sys.base_prefix))]
         place = f" in {own[-1].name}, line {own[-1].lineno} of {Path(own[-1].filename).name}" if own else ""
         words = (str(error).strip().splitlines() or [""])[0].rstrip(".")
         reason = f"{name} raised {type(error).__name__}{place}" + (f": {words}" if words else "")

@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Answer, Caution, Column, Table
-from ..assembly.circuit_file import CircuitPlan, read_circuit
-from ..documents import JsonValue
-from ..errors import InputError, MissingDataError
-from ..identification import CircuitFit, Trial, fit_circuit
-from ..identification.trial import trial_from_record
-from ..recordings import Channel, Recording, read_record
-from ..verbs import Count, DataFolders, ParameterPath, verb
+from mckibben.answers import Answer, Caution, Column, Table
+from mckibben.assembly.circuit_file import CircuitPlan, read_circuit
+from mckibben.documents import JsonValue
+from mckibben.errors import InputError, MissingDataError
+from mckibben.identification import CircuitFit, Trial, fit_circuit
+from mckibben.identification.trial import trial_from_record
+from mckibben.recordings import Channel, Recording, read_record
+from mckibben.verbs import Count, DataFolders, ParameterPath, verb
 
 MUSCLES = ("knee_right", "hip_right", "hip_left", "knee_left")  # in the order of the files
 PRESSURES, VALVES, ANGLES, FRAMES = "pres_filt.txt", "t_valve.txt", "angle_pre.txt", "vid_time.txt"

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..quantities import to_si
-from ..recordings import ForceMap, read_force_map
-from ..specimens import specimen
-from ..studies.validation import AARL_ZERO, TRAINED_BELOW
+from mckibben.errors import InputError
+from mckibben.quantities import to_si
+from mckibben.recordings import ForceMap, read_force_map
+from mckibben.specimens import specimen
+
 from . import datasets
 from .datasets import FILLING, VENTING, BenchmarkData, BenchmarkRecord, DataSplit
+from .validation import AARL_ZERO, TRAINED_BELOW
 
 
 @dataclass(frozen=True)

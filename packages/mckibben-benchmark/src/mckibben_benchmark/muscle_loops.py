@@ -18,15 +18,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Answer, Column, Table
-from ..documents import JsonValue
-from ..errors import InputError, MissingDataError, choice
-from ..formats.text import check_width, read_rows, to_numbers
-from ..identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
-from ..identification.hysteresis_fit import AREA, MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
-from ..identification.path_record import PathRecord
-from ..quantities import from_si, to_si
-from ..verbs import DataFolder, LoopFriction, verb
+from mckibben.answers import Answer, Column, Table
+from mckibben.documents import JsonValue
+from mckibben.errors import InputError, MissingDataError, choice
+from mckibben.formats.text import check_width, read_rows, to_numbers
+from mckibben.identification.creep_fit import FEWEST, LAWS, CreepFit, creep_half, fit_creep
+from mckibben.identification.hysteresis_fit import AREA, MODELS, SMOOTH, LoopFit, fit_loop, fit_loops
+from mckibben.identification.path_record import PathRecord
+from mckibben.quantities import from_si, to_si
+from mckibben.verbs import DataFolder, LoopFriction, verb
 
 LOOP, STEPS = "pressure_stroke_loop.csv", "step_response_100hz.csv"
 SEGMENTS = ("step_up", "step_down")

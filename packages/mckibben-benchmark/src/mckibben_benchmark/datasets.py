@@ -19,10 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, MissingDataError
-from ..quantities import to_si
-from ..specimens import map_file, specimen
-from ..studies.validation import AARL, LOOP_FOLDER, MARTENS, NO_LICENCE, PLATEAUS, ROBOT_FOLDER, VARIABLE
+from mckibben.errors import InputError, MissingDataError
+from mckibben.quantities import to_si
+from mckibben.specimens import map_file, specimen
+
+from .validation import AARL, LOOP_FOLDER, MARTENS, NO_LICENCE, PLATEAUS, ROBOT_FOLDER, VARIABLE
 
 
 def _protected(values: np.ndarray) -> np.ndarray:
@@ -48,7 +49,7 @@ class BenchmarkRecord:
 
     Examples:
         >>> import numpy as np
-        >>> from mckibben.benchmarking import BenchmarkRecord
+        >>> from mckibben_benchmark import BenchmarkRecord
         >>> inputs = {"length": np.array([0.1, 0.1]), "pressure": np.array([1e5, 2e5])}
         >>> BenchmarkRecord("made up", "A", inputs, {"tension": np.array([10.0, 20.0])}).unseen().outputs
         {}
@@ -345,7 +346,7 @@ def part_hidden(record: BenchmarkRecord, hidden: np.ndarray, name: str) -> DataS
 
 def loop_folds(folder: Path) -> tuple[DataSplit, ...]:
     """Each half of a loop of pressure and stroke from the other; the halves take turns of ten samples."""
-    from ..studies.muscle_loops import read_loop
+    from .muscle_loops import read_loop
 
     loop = read_loop(folder)
     record = BenchmarkRecord(
@@ -384,8 +385,9 @@ def hold_folds(path: Path) -> tuple[DataSplit, ...]:
 
 def creep_folds(folder: Path) -> tuple[DataSplit, ...]:
     """The second half of each held step from the first."""
-    from ..identification.creep_fit import creep_half
-    from ..studies.muscle_loops import held_steps
+    from mckibben.identification.creep_fit import creep_half
+
+    from .muscle_loops import held_steps
 
     folds = []
     for name, (time, stroke, pressure) in held_steps(folder).items():
@@ -430,7 +432,7 @@ def antagonist_folds(path: Path) -> tuple[DataSplit, ...]:
 
 def robot_folds(folders: Sequence[Path]) -> tuple[DataSplit, ...]:
     """Each jump from the three others: pressures of tank and muscles from valve commands and joint angles."""
-    from ..studies.jumping_robot import MUSCLES, read_trial
+    from .jumping_robot import MUSCLES, read_trial
 
     records = []
     for folder in folders:

@@ -17,7 +17,7 @@ from mckibben.cli import main
 from mckibben.errors import InputError, MissingDataError
 from mckibben.identification.hysteresis_fit import AREA
 from mckibben.muscles.hysteresis import Dahl, FrictionLimit
-from mckibben.studies.muscle_loops import (
+from mckibben_benchmark.muscle_loops import (
     HOLD,
     LOOP,
     SPACING,
@@ -36,7 +36,7 @@ from measured_data import FOLDER, measured
 STROKE = np.concatenate([np.linspace(0.0, 0.03, 41), np.linspace(0.03, 0.0, 41)[1:]])
 NOISE = 2e-5  # of the stroke [m], as of the real sensor
 TAU, CREPT = 0.1, 6e-4  # of the one element that creeps [s], [m]
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 REAL = FOLDER / "dmsp_10_250_hysteresis"
 
 

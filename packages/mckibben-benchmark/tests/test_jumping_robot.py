@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
-from mckibben.studies.jumping_robot import MUSCLES, RobotFold, read_trial, robot_folds, robot_study
+from mckibben_benchmark.jumping_robot import MUSCLES, RobotFold, read_trial, robot_folds, robot_study
 from measured_data import FOLDER, needs
 
 NAME = "gtdynamics_jumping_robot"
 JUMPS = FOLDER / NAME
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TRIALS = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
 pytestmark = needs(NAME)
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from ..muscles.laws import LAWS
-from ..quantities import from_si
-from ..studies.validation import VARIABLE
-from ..studies.validation_page import DASH, FRONT
-from ..studies.validation_page import table as markdown_table
+from mckibben.muscles.laws import LAWS
+from mckibben.quantities import from_si
+
 from .datasets import FILLING, VENTING
 from .run import COMPETITORS, PHYSICS, BenchmarkResult, TaskScore
 from .tasks import task
+from .validation import VARIABLE
+from .validation_page import DASH, FRONT
+from .validation_page import table as markdown_table
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"
 COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")

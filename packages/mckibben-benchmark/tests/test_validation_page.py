@@ -15,10 +15,10 @@ from mckibben.identification import evaluate, fit
 from mckibben.muscles import law_from_specimen
 from mckibben.recordings import ForceMap
 from mckibben.report.figures import style
-from mckibben.report.figures.ranking_figures import errors_figure
 from mckibben.specimens import specimen
-from mckibben.studies import validation as study
-from mckibben.studies.validation import (
+from mckibben_benchmark import validation as study
+from mckibben_benchmark.figures import errors_figure
+from mckibben_benchmark.validation import (
     PLATEAUS,
     VARIABLE,
     Validation,
@@ -28,9 +28,9 @@ from mckibben.studies.validation import (
     static_sets,
     validation,
 )
-from mckibben.studies.validation_page import _gathered, page, share
+from mckibben_benchmark.validation_page import _gathered, page, share
 
-PAGE = Path(__file__).parents[2] / "docs/reference/validation.md"
+PAGE = Path(__file__).parents[3] / "docs/reference/validation.md"
 SHIPPED, LAWS = "DMSP-10-250", ("ideal", "martens_boblan")
 THREE = "AARL all"
 

@@ -15,19 +15,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Answer, Table
-from ..documents import JsonValue
-from ..errors import ConvergenceError, InputError, MissingDataError, not_found
-from ..identification import Fit, fit
-from ..identification.fit import SCHEMES, evaluate
-from ..identification.problem import ErrorMeasures
-from ..identification.ranking import COLUMNS
-from ..muscles import law_from_specimen
-from ..muscles.laws import LAWS, law_type
-from ..quantities import from_si, to_si
-from ..recordings import ForceMap, read_force_map
-from ..specimens import map_file, specimen
-from ..verbs import DataFolder, DataSet, LawName, verb
+from mckibben.answers import Answer, Table
+from mckibben.documents import JsonValue
+from mckibben.errors import ConvergenceError, InputError, MissingDataError, not_found
+from mckibben.identification import Fit, fit
+from mckibben.identification.fit import SCHEMES, evaluate
+from mckibben.identification.problem import ErrorMeasures
+from mckibben.identification.ranking import COLUMNS
+from mckibben.muscles import law_from_specimen
+from mckibben.muscles.laws import LAWS, law_type
+from mckibben.quantities import from_si, to_si
+from mckibben.recordings import ForceMap, read_force_map
+from mckibben.specimens import map_file, specimen
+from mckibben.verbs import DataFolder, DataSet, LawName, verb
+
 from .jumping_robot import robot_study
 from .muscle_loops import STAGES as LOOP_STAGES
 from .muscle_loops import LoopStudy, loop_study

@@ -22,8 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from .._jax import jax, jnp
-from ..errors import InputError
+from mckibben._jax import jax, jnp
+from mckibben.errors import InputError
+
 from .datasets import BenchmarkRecord
 
 LAGS = (1, 3, 10, 30)  # samples of the thinned clock, for models that remember nothing themselves

@@ -18,21 +18,22 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..errors import InputError
-from ..identification.circuit_fit import fit_circuit, run_trial
-from ..identification.creep_fit import LAWS, CreepFit, fit_creep
-from ..identification.hysteresis_fit import AREA, SMOOTH, fit_loops
-from ..identification.path_record import PathRecord
-from ..identification.problem import SAME_LENGTH, Problem, solve
-from ..identification.shared_hysteresis import NAMES, BraidPath, ResistanceProblem, braid_path, resistance
-from ..identification.trial import Trial
-from ..muscles.build import build_law
-from ..muscles.law import TensionLaw
-from ..muscles.laws import law_type
-from ..quantities import declared, to_si
-from ..recordings import Channel, ForceMap, Recording
-from ..studies.jumping_robot import MUSCLES, robot_plan, trial_of_recording
+from mckibben.errors import InputError
+from mckibben.identification.circuit_fit import fit_circuit, run_trial
+from mckibben.identification.creep_fit import LAWS, CreepFit, fit_creep
+from mckibben.identification.hysteresis_fit import AREA, SMOOTH, fit_loops
+from mckibben.identification.path_record import PathRecord
+from mckibben.identification.problem import SAME_LENGTH, Problem, solve
+from mckibben.identification.shared_hysteresis import NAMES, BraidPath, ResistanceProblem, braid_path, resistance
+from mckibben.identification.trial import Trial
+from mckibben.muscles.build import build_law
+from mckibben.muscles.law import TensionLaw
+from mckibben.muscles.laws import law_type
+from mckibben.quantities import declared, to_si
+from mckibben.recordings import Channel, ForceMap, Recording
+
 from .datasets import BenchmarkRecord
+from .jumping_robot import MUSCLES, robot_plan, trial_of_recording
 from .learned import held_back
 
 RULER = 3e-4  # standard deviation of a length set to the half millimetre: 0.5 mm over the square root of three [m]

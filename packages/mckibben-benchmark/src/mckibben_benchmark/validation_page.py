@@ -6,8 +6,9 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
-from ..identification import Fit
-from ..quantities import from_si
+from mckibben.identification import Fit
+from mckibben.quantities import from_si
+
 from .muscle_loops import LoopStudy
 from .validation import LOOP_FOLDER, ROBOT_FOLDER, VARIABLE, StaticResult, Validation, ordered_laws
 

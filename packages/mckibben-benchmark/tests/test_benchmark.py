@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.measured_data import FOLDER, measured
 from typer.testing import CliRunner
 
-from mckibben.benchmarking import (
+from mckibben.cli.app import app
+from mckibben.errors import InputError, MissingDataError
+from mckibben_benchmark import (
     TASKS,
     BenchmarkRecord,
     BenchmarkResult,
@@ -20,12 +21,11 @@ from mckibben.benchmarking import (
     run_task,
     task,
 )
-from mckibben.benchmarking.datasets import HOLDS, VENTING, hold_folds
-from mckibben.benchmarking.learned import RecordColumns, held_back, likelihood
-from mckibben.benchmarking.page import page
-from mckibben.benchmarking.run import RecordScore, TaskScore, scales, score_record
-from mckibben.cli.app import app
-from mckibben.errors import InputError, MissingDataError
+from mckibben_benchmark.datasets import HOLDS, VENTING, hold_folds
+from mckibben_benchmark.learned import RecordColumns, held_back, likelihood
+from mckibben_benchmark.page import page
+from mckibben_benchmark.run import RecordScore, TaskScore, scales, score_record
+from measured_data import FOLDER, measured
 
 ABOVE = "map-above-4-bar"
 MEAN = """
