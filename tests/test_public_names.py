@@ -45,9 +45,11 @@ def test_the_import_loads_no_heavy_library():
 def test_a_package_that_is_installed_by_itself_hangs_on_the_same_name():
     import mckibben_benchmark
     import mckibben_hosts
-    from mckibben import benchmark, hosts
+    import mckibben_papers
+    from mckibben import benchmark, hosts, papers, reproduce
 
     assert mckibben.benchmark is benchmark is mckibben_benchmark.benchmark
+    assert mckibben.papers is papers is mckibben_papers and reproduce is mckibben_papers.reproduce
 
     assert (
         mckibben.hosts is hosts is mckibben_hosts and hosts.Part is importlib.import_module("mckibben_hosts.part").Part

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from .report.figures.formats import figure_style as figure_style
     from .report.figures.plots import plot_loops as plot_loops
     from .report.figures.style import save_figure as save_figure
-    from .reproduction import reproduce as reproduce
     from .simulation import Air as Air
     from .simulation import Chain as Chain
     from .simulation import Joint as Joint
@@ -113,7 +112,7 @@ PUBLIC: dict[str, dict[str, str]] = {
         "energy": "analysis.energy.working_cycles",
         "characterise": "studies.characterisation.verb",
         "diagnose": "studies.diagnosis.fault_fit",
-        "reproduce": "reproduction",
+        "reproduce": "[papers]",
         "benchmark": "[benchmark]",
     },
     "Figures": {

@@ -11,6 +11,7 @@ import lanewise
 import mckibben
 import mckibben_benchmark
 import mckibben_hosts
+import mckibben_papers
 from mckibben.extras import LIBRARIES
 from mckibben.registry import PACKAGES
 
@@ -19,7 +20,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 COMPILER = tomllib.loads((ROOT / "packages/lanewise/pyproject.toml").read_text(encoding="utf-8"))["project"]
 ABOVE = {
     package.__name__.replace("_", "-"): (package, tomllib.loads((folder / "pyproject.toml").read_text())["project"])
-    for package in (mckibben_benchmark, mckibben_hosts)
+    for package in (mckibben_benchmark, mckibben_hosts, mckibben_papers)
     for folder in [Path(package.__file__).parents[2]]
 }
 HOSTS = ABOVE["mckibben-hosts"][1]

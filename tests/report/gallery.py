@@ -34,14 +34,14 @@ from mckibben.report.figures import (
     sizing_figures,
     study_figures,
 )
-from mckibben.report.paper_figures import FIGURES
-from mckibben.reproduction import part4
 from mckibben.specimens import specimen
 from mckibben.studies import tube_models
 from mckibben.studies.design import Design, DesignStudy
 from mckibben.studies.sizing.candidate import VERDICTS
 from mckibben.studies.sizing.requirements import Requirements
 from mckibben_benchmark import figures as benchmark_figures
+from mckibben_papers import part4
+from mckibben_papers.figures import FIGURES
 
 record = functools.cache(functools.partial(machine_record, pressure=["1 bar", "3 bar", "5 bar"]))
 
@@ -174,6 +174,12 @@ def tubes() -> Any:
         cases={(t, a): cases for t in ("isothermal", "adiabatic", "wall_heat") for a in accumulators},
         result=result,
     )
+
+
+def efficiency() -> energy_figures.EfficiencyLine:
+    """Efficiency of maximal shortening of Part IV."""
+    curve = energy_curve(part4.muscle(), "maximal", np.linspace(1e5, 10e5, 61), part4.conditions())
+    return energy_figures.EfficiencyLine("surroundings", curve)
 
 
 def validated() -> Any:
@@ -358,7 +364,7 @@ def studied() -> dict[str, Callable[[], Any]]:
             ],
             title="Nylon muscle",
         ),
-        "efficiency": lambda: energy_figures.figure_12(),
+        "efficiency": lambda: energy_figures.efficiency_figure([efficiency()], title="Nylon muscle"),
         "bode": lambda: analysis_figures.bode_figure(response, bode, cutoff=5.0),
         "repeatability": lambda: analysis_figures.repeatability_figure(
             repeated, title="Work loops", channel="Tension, N", over="Phase of the cycle"

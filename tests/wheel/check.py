@@ -29,6 +29,7 @@ COMPILER = ROOT / "packages" / "lanewise"
 ABOVE = {
     "benchmark": (ROOT / "packages" / "mckibben-benchmark", ("README.md", "LICENSE")),
     "hosts": (ROOT / "packages" / "mckibben-hosts", ("README.md", "LICENSE", "NOTICE")),
+    "papers": (ROOT / "packages" / "mckibben-papers", ("README.md", "LICENSE")),
 }
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
@@ -132,6 +133,7 @@ PACKAGED = {
     "conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)),
     "export": needs("hosts", MUSCLE),
     "benchmark": needs("benchmark", "--list"),
+    "reproduce": needs("papers", "--row", "valve.festo"),
     **{f"study {name}": needs("benchmark", "nothing") for name in ("loops", "robot", "validation")},
 }
 CALLS: dict[str, list[Call]] = {

@@ -84,7 +84,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compare muscles with each other, and with published biological muscle.",
     ),
     "reproduce": (
-        "reproduce:reproduce_papers",
+        "papers",
         "Compute the papers' numbers and report whether each value is reproduced.",
     ),
     "diagnose": (

@@ -63,7 +63,6 @@ UPPER = (
     ("cli",),
     ("web",),
     ("report",),
-    ("reproduction",),
     ("studies",),
     ("batch",),
     ("bench", "identification", "simulation"),

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from mckibben.reproduction import PrintedRow, RowOutcome, reproduce
-from mckibben.reproduction.rows import (
+from mckibben_papers import PrintedRow, RowOutcome, reproduce
+from mckibben_papers.rows import (
     BASES,
     KINDS,
     accepted_band,
@@ -102,7 +102,7 @@ def test_a_zero_that_ends_a_printed_number_counts():
 
 def stated() -> str:
     """The headline that the README states."""
-    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
     found = re.search(r"^> (\d+ printed numbers: .*\.)$", text, flags=re.M)
     assert found is not None
     return found[1]

@@ -1,4 +1,4 @@
-"""``reproduce``: the papers' numbers row by row, and their figures."""
+"""The command that this package adds to ``mckibben``: ``reproduce``, the papers' numbers row by row, and their figures."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .. import reproduction
-from ..documents import JsonValue
-from ..errors import InputError, not_found
-from ..report import blocks as words_module
-from ..report import document as document_module
-from ..report import document_pdf
-from ..report import reproduction_report as papers
-from ..report.figures import style
-from ._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputFiles, OutputKinds, Paths
-from ._progress import progress
-from ._terminal import FigureLook, FigureWidth, Json, print_json
+from mckibben.cli._outputs import FIGURE, OBJECT, REPORT, TABLE, OutputFiles, OutputKinds, Paths
+from mckibben.cli._progress import progress
+from mckibben.cli._terminal import FigureLook, FigureWidth, Json, print_json
+from mckibben.documents import JsonValue
+from mckibben.errors import InputError, not_found
+from mckibben.report import blocks as words_module
+from mckibben.report import document as document_module
+from mckibben.report import document_pdf
+from mckibben.report.figures import style
+
+from . import report as papers
+from . import reproduction
+from . import rows as printed_rows
 
 if TYPE_CHECKING:
-    from ..report.paper_figures import PaperFigure
-    from ..report.reproduction_report import Drawn
-    from ..reproduction import RowOutcome
+    from .figures import PaperFigure
+    from .report import Drawn
+    from .rows import RowOutcome
 
 OUT = OutputKinds(report=REPORT, table=TABLE, result=OBJECT)
 REPORTS = ("reproduction.html", "reproduction.pdf")  # what --out writes
@@ -78,7 +80,7 @@ def reproduce_papers(
 
     $ mckibben reproduce --part IV --no-recordings --out energy.html
     """
-    reproduction.rows.select(part, row)  # refuses a wrong word before anything is loaded
+    printed_rows.select(part, row)  # refuses a wrong word before anything is loaded
     _check_format(format_)
     _check_folder(save_recordings, recordings)
     with OUT.files(out, folder=True) as files:
@@ -145,7 +147,7 @@ def _done(
     part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool, save: Path | None
 ) -> tuple[list[RowOutcome], list[Drawn]]:
 
-    asked = [] if rows == [] else reproduction.rows.select(part, rows)
+    asked = [] if rows == [] else printed_rows.select(part, rows)
     recorded = [r.id for r in asked] if recordings else []
     with reproduction.helped(recorded), progress("reproducing", len(asked) + len(pictures)) as advance:
         outcomes = (
@@ -163,7 +165,7 @@ def _done(
         if not pictures:
             return outcomes, []
 
-        with reproduction.recorded.told(lambda words: advance(words, 0)):
+        with recorded.told(lambda words: advance(words, 0)):
             return outcomes, papers.draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
 
 
@@ -204,12 +206,11 @@ def _say(files: OutputFiles, outcomes: list[RowOutcome], written: list[str], *, 
 def _document(outcomes: list[RowOutcome]) -> dict[str, Any]:
     """What ``--json`` prints."""
     kinds = {
-        t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest}
-        for t in reproduction.rows.tallies(outcomes)
+        t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest} for t in printed_rows.tallies(outcomes)
     }
     rows = [_as_json(o) for o in papers.predictions_first(outcomes)]
     failed = sum(o.ok is False for o in outcomes)
-    return {"headline": reproduction.rows.headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
+    return {"headline": printed_rows.headline(outcomes), "kinds": kinds, "failed": failed, "rows": rows}
 
 
 def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
@@ -225,9 +226,9 @@ def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
         "inputs": o.row.inputs,
         "calibrated": o.row.calibrated,
         "verdict": o.verdict,
-        "kind": reproduction.rows.kind_of(o).key,
-        "difference": reproduction.rows.relative_difference(o.row, o.ours),
-        "tolerance": reproduction.rows.relative_tolerance(o.row),
+        "kind": printed_rows.kind_of(o).key,
+        "difference": printed_rows.relative_difference(o.row, o.ours),
+        "tolerance": printed_rows.relative_tolerance(o.row),
         "reason": o.row.reason,
         "note": o.note,
     }
@@ -257,7 +258,7 @@ def _print(outcomes: list[RowOutcome]) -> None:
         for line in textwrap.wrap(o.note, max(wide - 4, 40)):
             typer.echo(f"    {line}")
     typer.echo("")
-    for line in textwrap.wrap(reproduction.rows.headline(outcomes), max(wide, 40)):
+    for line in textwrap.wrap(printed_rows.headline(outcomes), max(wide, 40)):
         typer.echo(line)
 
 

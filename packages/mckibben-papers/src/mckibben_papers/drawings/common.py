@@ -11,13 +11,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ... import reproduction
-from ...documents import JsonValue
-from ...reproduction.rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
-from ...reproduction.rows import printed as printed
-from . import style
-from .places import ArtistPlace, set_place
-from .style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
+from mckibben.documents import JsonValue
+from mckibben.report.figures import style
+from mckibben.report.figures.places import ArtistPlace, set_place
+from mckibben.report.figures.style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
+
+from ..rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
+from ..rows import printed as printed
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -107,7 +107,6 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 @functools.cache
 def outcome(identifier: str) -> RowOutcome:
     """A row with our value."""
-    assert reproduction  # whose import registers how the rows are computed
     return reproduce_row(next(row for row in all_rows() if row.id == identifier))
 
 

@@ -14,7 +14,7 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..errors import InputError
+from mckibben.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,7 +72,7 @@ def _later(place: str, *arguments: str) -> Callable[[], Figure]:
     module, _, function = place.partition(".")
 
     def draw() -> Figure:  # loaded at the call, since matplotlib takes a second to load
-        drawn: Figure = getattr(importlib.import_module(f"{__package__}.figures.paper_{module}"), function)(*arguments)
+        drawn: Figure = getattr(importlib.import_module(f"{__package__}.drawings.{module}"), function)(*arguments)
         return drawn
 
     return draw

@@ -8,13 +8,14 @@ import pytest
 
 from mckibben.cli import main
 from mckibben.errors import InputError
-from mckibben.report import document_pdf, reproduction_report
+from mckibben.report import document_pdf
 from mckibben.report.figures import style
-from mckibben.report.paper_figures import FIGURES, PaperFigure
-from mckibben.report.reproduction_report import Drawn, chosen_figures, difference, draw, predictions_first
-from mckibben.report.reproduction_report import reproduction_report as report
-from mckibben.reproduction import PrintedRow, RowOutcome
-from mckibben.reproduction.rows import accepted_band, all_rows, judge
+from mckibben_papers import PrintedRow, RowOutcome
+from mckibben_papers import report as reproduction_report
+from mckibben_papers.figures import FIGURES, PaperFigure
+from mckibben_papers.report import Drawn, chosen_figures, difference, draw, predictions_first
+from mckibben_papers.report import reproduction_report as report
+from mckibben_papers.rows import accepted_band, all_rows, judge
 
 NASTY = r"<b>a</b> & #panic() $x$ @me \ "
 
@@ -200,7 +201,7 @@ def test_a_person_is_told_paper_ours_difference_verdict_and_note_of_every_row(ru
 
 
 def test_rows_that_fall_short_give_exit_code_1_after_the_report_is_written(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("mckibben.reproduction.rows.judge", lambda row, ours: False)
+    monkeypatch.setattr("mckibben_papers.rows.judge", lambda row, ours: False)
     code, out, _ = run("--row", "valve.festo_power", "--out", str(tmp_path / "r.html"), "--json", "--no-recordings")
     found = json.loads(out)
     assert found["kinds"] == {
@@ -245,7 +246,9 @@ def test_predictions_come_first_and_those_that_agree_before_the_open_ones():
 
 def test_without_typst_out_is_refused_before_any_work_and_html_alone_is_offered(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "typst", None)
-    monkeypatch.setattr("mckibben.reproduction.reproduce", lambda *args, **options: pytest.fail("it computed first"))
+    monkeypatch.setattr(
+        "mckibben_papers.reproduction.reproduce", lambda *args, **options: pytest.fail("it computed first")
+    )
     folder = tmp_path / "new"
     code, out, err = run("--out", str(folder))
     assert (code, out, err.count("\n")) == (2, "", 1)

@@ -9,13 +9,13 @@ from matplotlib.text import Text
 from mckibben.analysis.loops import closed_area
 from mckibben.errors import InputError
 from mckibben.quantities import from_si
-from mckibben.report.figures import paper_common as common
-from mckibben.report.figures import paper_recordings as drawings
 from mckibben.report.figures import style
-from mckibben.report.figures.paper_common import as_printed, label, outcome, shown
-from mckibben.report.paper_figures import CONFERENCE, FIGURES, JOURNAL, figure
-from mckibben.reproduction import computed, measured
-from mckibben.reproduction.rows import all_rows, needs_recording
+from mckibben_papers import computed, measured
+from mckibben_papers.drawings import common
+from mckibben_papers.drawings import recordings as drawings
+from mckibben_papers.drawings.common import as_printed, label, outcome, shown
+from mckibben_papers.figures import CONFERENCE, FIGURES, JOURNAL, figure
+from mckibben_papers.rows import all_rows, needs_recording
 
 FIRST = (
     "1", "2", "3a", "3b", "3c", "3d", "4", "5a", "5b", "5c", "5d", "5e", "6a", "6b", "7a", "7b", "7c",
@@ -83,7 +83,7 @@ def test_an_unknown_figure_is_refused_with_those_that_there_are():
 
 
 def test_the_registry_is_read_without_loading_what_draws():
-    words = "import sys, mckibben.report.paper_figures; print([m for m in ('matplotlib', 'jax') if m in sys.modules])"
+    words = "import sys, mckibben_papers.figures; print([m for m in ('matplotlib', 'jax') if m in sys.modules])"
     said = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
 

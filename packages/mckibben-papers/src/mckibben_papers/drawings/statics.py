@@ -9,21 +9,42 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...analysis import characteristics
-from ...analysis.energy import CycleLoops, cycle_loops
-from ...documents import JsonValue
-from ...muscles import braid
-from ...muscles.braid import stop_tension
-from ...muscles.build import law_from_specimen
-from ...muscles.laws.ideal import Ideal
-from ...muscles.laws.linear_threshold import LinearThreshold
-from ...muscles.laws.thick_wall import ThickWall
-from ...quantities import from_si
-from ...reproduction import computed, measured, part4
-from ...specimens import specimen
-from . import style
-from .energy_figures import draw_efficiency, draw_piston, draw_tendon, efficiency_lines, printed_marks
-from .paper_common import (
+from mckibben.analysis import characteristics
+from mckibben.analysis.energy import CycleLoops, cycle_loops, energy_curve
+from mckibben.documents import JsonValue
+from mckibben.muscles import braid
+from mckibben.muscles.braid import stop_tension
+from mckibben.muscles.build import law_from_specimen
+from mckibben.muscles.laws.ideal import Ideal
+from mckibben.muscles.laws.linear_threshold import LinearThreshold
+from mckibben.muscles.laws.thick_wall import ThickWall
+from mckibben.quantities import from_si
+from mckibben.report.figures import style
+from mckibben.report.figures.energy_figures import (
+    EfficiencyLine,
+    PrintedEfficiency,
+    draw_efficiency,
+    draw_piston,
+    draw_tendon,
+)
+from mckibben.report.figures.style import (
+    CAUTION,
+    COLOURS,
+    HAIR,
+    INK,
+    INK_2,
+    INK_3,
+    NORMAL,
+    RECORDING_DASHES,
+    RULE,
+    SMALL,
+    WIDE,
+    number,
+)
+from mckibben.specimens import specimen
+
+from .. import computed, measured, part4
+from .common import (
     KEY_MARK,
     MARK,
     PRINTED,
@@ -44,7 +65,6 @@ from .paper_common import (
     shown,
     title,
 )
-from .style import CAUTION, COLOURS, HAIR, INK, INK_2, INK_3, NORMAL, RECORDING_DASHES, RULE, SMALL, WIDE, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -336,7 +356,7 @@ def figure_12c() -> Figure:
     fig, ax = panel(CYCLE_HEIGHT, beside=3.85)
     # As printed, and with friction and the volume of the potential.
     looks = (("paper", True, "-", INK), ("paper", False, NO_FRICTION, INK), ("potential", True, POTENTIAL, INK_3))
-    draw_efficiency(ax, efficiency_lines(looks), printed_marks())
+    draw_efficiency(ax, _efficiency_lines(looks), _printed_marks())
     ax.set_ylim(0.0, 80.0)  # without friction and with the accumulator the threshold would come to 100 %
     title(ax, "12c", "Maximal shortening at constant pressure: efficiency Ea", above=ABOVE)
     rows = [
@@ -357,6 +377,34 @@ def figure_12c() -> Figure:
         dx=82.0,
     )
     return fig
+
+
+def _efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
+    """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
+    lines: list[EfficiencyLine] = []
+    for volume, friction, dash, colour in looks:
+        for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
+            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
+            low = 1e-3 + float(muscle.threshold())
+            at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
+            curve = energy_curve(muscle, "maximal", at, between)
+            lines.append(EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
+    return lines
+
+
+def _printed_marks() -> list[PrintedEfficiency]:
+    """Printed efficiencies of the maximal cycle at 5 bar."""
+    right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
+    joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
+    return [
+        PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
+        PrintedEfficiency(
+            part4.PRESSURE,
+            wrong,
+            f"printed {100.0 * wrong:.0f} %, from its joules {100.0 * joules:.0f} %",
+            misprint=True,
+        ),
+    ]
 
 
 @style.styled()
@@ -386,7 +434,7 @@ def figure_13b() -> Figure:
 
 def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
     fig, ax = panel(CYCLE_HEIGHT)
-    draw_piston(ax, loops, {})
+    draw_piston(ax, loops)
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
@@ -394,7 +442,7 @@ def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence
 
 def _tendon(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
     fig, ax = panel(CYCLE_HEIGHT)
-    draw_tendon(ax, loops, {})
+    draw_tendon(ax, loops)
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mckibben.reproduction import computed, reproduce, rows
-from mckibben.reproduction.rows import PrintedRow, all_rows, decimals_of, judge, reproduce_row, rounds_to
+from mckibben_papers import computed, reproduce, rows
+from mckibben_papers.rows import PrintedRow, all_rows, decimals_of, judge, reproduce_row, rounds_to
 
 
 def test_static_rows_and_table_1_hold():

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import functools
+import importlib
 from collections.abc import Callable, Iterable, Sequence
 from decimal import ROUND_HALF_UP, Decimal
 from importlib import resources
 from typing import Any, NamedTuple, TypeVar
 
-from ..documents import parse_toml
-from ..errors import InputError
-from ..quantities import from_si
+from mckibben.documents import parse_toml
+from mckibben.errors import InputError
+from mckibben.quantities import from_si
 
 Value = float | tuple[float, float]
 BASES = {  # what went into a computed value -> verdict of a row that agrees
@@ -130,10 +131,23 @@ def reproduces(
 
 
 @functools.cache
+def _ways() -> dict[str, Computation]:
+    """How each row is computed: what computes is imported with the first question, and registers itself."""
+    for module in ("computed", "measured", "part4"):
+        importlib.import_module(f".{module}", __package__)
+    return _WAYS
+
+
+@functools.cache
 def all_rows() -> tuple[PrintedRow, ...]:
     """All printed numbers, in the order of the papers."""
     text = (resources.files(__package__) / "rows.toml").read_text(encoding="utf-8")
     return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
+
+
+def rows_by_name() -> dict[str, PrintedRow]:
+    """All printed numbers by identifier, which pages of mckibben show beside theirs."""
+    return {row.id: row for row in all_rows()}
 
 
 def printed(identifier: str) -> float:
@@ -161,9 +175,9 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
 
 def reproduce_row(row: PrintedRow) -> RowOutcome:
     """Compute one row and its verdict."""
-    if row.id not in _WAYS:
+    way = _ways().get(row.id)
+    if way is None:
         return RowOutcome(row, None, None, said_of(row))
-    way = _WAYS[row.id]
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
     plain = row.unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
@@ -200,7 +214,8 @@ def _reasoned(row: PrintedRow) -> str:
 
 def needs_recording(row: PrintedRow) -> bool:
     """Whether a row needs recordings of the simulated test machine, which take time to make."""
-    return row.id in _WAYS and _WAYS[row.id].recordings
+    way = _ways().get(row.id)
+    return way is not None and way.recordings
 
 
 def judge(row: PrintedRow, ours: float) -> bool | None:

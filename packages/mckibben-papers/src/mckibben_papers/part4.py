@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
-from ..analysis.energy import (
+from mckibben.analysis.energy import (
     Conditions,
     CycleMuscle,
     EnergyCycle,
@@ -20,10 +21,11 @@ from ..analysis.energy import (
     energy_cycle,
     zero_pressure,
 )
-from ..components import Environment
-from ..muscles.build import law_from_specimen
-from ..quantities import from_si, parse
-from ..specimens import specimen
+from mckibben.components import Environment
+from mckibben.muscles.build import law_from_specimen
+from mckibben.quantities import from_si, parse
+from mckibben.specimens import specimen
+
 from . import computed, rows
 from .rows import ComputedValue, reproduces
 
@@ -73,6 +75,28 @@ def cycle(
 def printed(identifier: str) -> float:
     """Value that the paper prints for a row of Part IV, in the row's unit; the figures draw it."""
     return rows.printed(f"energy.{identifier}")
+
+
+def printed_cycle(of: str, name: str, between: Conditions) -> dict[tuple[str, bool], Any]:
+    """Values that the paper prints for a cycle, by name and whether there is an accumulator; empty for another cycle.
+
+    Args:
+        of: id of the muscle.
+        name: of the cycle.
+        between: its conditions; exchange and reading are free, for both are printed.
+    """
+    ours = conditions()._replace(exchange_pressure=between.exchange_pressure, reading=between.reading)
+    if of != MUSCLE or between != ours:
+        return {}
+    output = "maximal" if name == "maximal" else "isotonic"
+    values: dict[tuple[str, bool], Any] = {("output", False): printed(f"{output}.output")}
+    for quantity in ("input", "efficiency"):
+        for accumulated in (False, True):
+            values[quantity, accumulated] = printed(f"{name}.{quantity}" + "_accumulator" * accumulated)
+    if name == "maximal":  # a misprint: the efficiency does not follow from the joules beside it
+        joules = printed("maximal.output") / printed("maximal.input_accumulator")
+        values["efficiency", True] = {"struck": values["efficiency", True], "instead": joules}
+    return values
 
 
 def _beside(name: str, what: str, unit: str = "", *, accumulator: bool = False) -> str:

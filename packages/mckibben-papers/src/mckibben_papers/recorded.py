@@ -17,15 +17,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..analysis.segments import segments
-from ..assembly.build import unit_from_specimen
-from ..bench.rig_file import rig as rig_of
-from ..bench.run import prepare, run
-from ..documents import JsonValue
-from ..errors import ConvergenceError, InputError, MckibbenError, not_found
-from ..experiments.read import protocol
-from ..muscles.elements import Tendon
-from ..recordings import Recording, read_recording
+from mckibben.analysis.segments import segments
+from mckibben.assembly.build import unit_from_specimen
+from mckibben.bench.rig_file import rig as rig_of
+from mckibben.bench.run import prepare, run
+from mckibben.documents import JsonValue
+from mckibben.errors import ConvergenceError, InputError, MckibbenError, not_found
+from mckibben.experiments.read import protocol
+from mckibben.muscles.elements import Tendon
+from mckibben.recordings import Recording, read_recording
+
 from . import rows
 
 LONGEST_NAME = 120  # characters of the name of a saved recording

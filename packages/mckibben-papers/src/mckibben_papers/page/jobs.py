@@ -25,17 +25,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ....errors import InputError, MckibbenError
-from ....recordings import Recording, read_recording
-from ....report.document_pdf import compiler
-from ....report.figures import style
-from ....report.paper_figures import FIGURES, PaperFigure, figure
-from ....report.reproduction_report import draw, reproduction_report
-from ....reproduction import RowOutcome
-from ....reproduction.recorded import PAUSE, Folder, kept_in, told
-from ....reproduction.rows import all_rows, needs_recording, reproduce_row
-from ...charts import figure_file
-from ...workspace import Workspace
+from mckibben.errors import InputError, MckibbenError
+from mckibben.recordings import Recording, read_recording
+from mckibben.report.document_pdf import compiler
+from mckibben.report.figures import style
+from mckibben.web.charts import figure_file
+from mckibben.web.workspace import Workspace
+
+from ..figures import FIGURES, PaperFigure, figure
+from ..recorded import PAUSE, Folder, kept_in, told
+from ..report import draw, reproduction_report
+from ..rows import RowOutcome, all_rows, needs_recording, reproduce_row
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

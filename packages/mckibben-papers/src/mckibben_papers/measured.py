@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analysis.characteristics import circle_area
-from ..analysis.frequency import CorrectedLoop, corrected_loop
-from ..analysis.loops import (
+from mckibben.analysis.characteristics import circle_area
+from mckibben.analysis.frequency import CorrectedLoop, corrected_loop
+from mckibben.analysis.loops import (
     LinearTensionFit,
     StaticPoint,
     TensionLoop,
@@ -32,15 +32,16 @@ from ..analysis.loops import (
     static_points,
     variation,
 )
-from ..analysis.shortening import ShorteningPower, TensionError, power_density, shortening_power, tension_error
-from ..analysis.steps import IsometricTiming, isometric_timing
-from ..assembly.build import INFERRED
-from ..bench.rig_file import rig
-from ..documents import JsonValue
-from ..errors import ConvergenceError
-from ..quantities import from_si
-from ..recordings import Recording
-from ..specimens import specimen
+from mckibben.analysis.shortening import ShorteningPower, TensionError, power_density, shortening_power, tension_error
+from mckibben.analysis.steps import IsometricTiming, isometric_timing
+from mckibben.assembly.build import INFERRED
+from mckibben.bench.rig_file import rig
+from mckibben.documents import JsonValue
+from mckibben.errors import ConvergenceError
+from mckibben.quantities import from_si
+from mckibben.recordings import Recording
+from mckibben.specimens import specimen
+
 from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
 from .rows import ComputedValue, printed
 

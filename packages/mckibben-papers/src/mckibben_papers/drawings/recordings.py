@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...analysis.channels import smoothed, uniform_period
-from ...analysis.loops import paths
-from ...analysis.steps import CommandStep, find_steps, step_responses
-from ...muscles.build import law_from_specimen
-from ...quantities import from_si
-from ...recordings import Recording
-from ...reproduction import measured
-from ...reproduction.measured import recorded_sines
-from ...reproduction.recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
-from ...specimens import specimen
-from . import style
-from .paper_common import (
+from mckibben.analysis.channels import smoothed, uniform_period
+from mckibben.analysis.loops import paths
+from mckibben.analysis.steps import CommandStep, find_steps, step_responses
+from mckibben.muscles.build import law_from_specimen
+from mckibben.quantities import from_si
+from mckibben.recordings import Recording
+from mckibben.report.figures import style
+from mckibben.report.figures.style import COLOURS, INK, INK_2, INK_3, number
+from mckibben.specimens import specimen
+
+from .. import measured
+from ..measured import recorded_sines
+from ..recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
+from .common import (
     KEY_MARK,
     MARK,
     PRINTED,
@@ -37,7 +39,6 @@ from .paper_common import (
     stack,
     title,
 )
-from .style import COLOURS, INK, INK_2, INK_3, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,6 +1,6 @@
 """Report of the reproduction: printed and computed values, number by number and figure by figure, with verdicts.
 
-The figures come from the registry `paper_figures.FIGURES`; each is drawn from our own runs.
+The figures come from the registry `figures.FIGURES`; each is drawn from our own runs.
 """
 
 from __future__ import annotations
@@ -9,21 +9,8 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..errors import InputError
-from ..reproduction import PrintedRow, RowOutcome
-from ..reproduction.rows import (
-    Tally,
-    VerdictKind,
-    accepted_band,
-    headline,
-    is_prediction,
-    judge,
-    kind_of,
-    percent,
-    relative_difference,
-    tallies,
-)
-from .blocks import (
+from mckibben.errors import InputError
+from mckibben.report.blocks import (
     Block,
     Figure,
     Gauge,
@@ -46,8 +33,23 @@ from .blocks import (
     unit_text,
     versions_text,
 )
-from .document import Document
-from .paper_figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
+from mckibben.report.document import Document
+
+from .figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
+from .rows import (
+    PrintedRow,
+    RowOutcome,
+    Tally,
+    VerdictKind,
+    accepted_band,
+    headline,
+    is_prediction,
+    judge,
+    kind_of,
+    percent,
+    relative_difference,
+    tallies,
+)
 
 PARTS = {
     "I": "Part I. Static and dynamic tension-length relationships",

@@ -5,15 +5,22 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from ....documents import JsonValue
-from ....errors import InputError, MckibbenError
-from ....report.blocks import minus, significant, unit_text
-from ....report.paper_figures import CONFERENCE, FIGURES, PaperFigure
-from ....report.reproduction_report import PARTS, PREDICTIONS, difference, printed
-from ....reproduction import PrintedRow, RowOutcome
-from ....reproduction.rows import (
+from mckibben.documents import JsonValue
+from mckibben.errors import InputError, MckibbenError
+from mckibben.report.blocks import minus, significant, unit_text
+from mckibben.web.charts import save_menu
+from mckibben.web.elements import Element, Timer, page_document
+from mckibben.web.transfers import download, run_in_thread
+from mckibben.web.widgets import asked, box, button, link, loading, note, page_frame, raw, refused, segments, tell, text
+from mckibben.web.workspace import Workspace
+
+from ..figures import CONFERENCE, FIGURES, PaperFigure
+from ..report import PARTS, PREDICTIONS, difference, printed
+from ..rows import (
     BASES,
     KINDS,
+    PrintedRow,
+    RowOutcome,
     accepted_band,
     all_rows,
     headline,
@@ -22,11 +29,6 @@ from ....reproduction.rows import (
     needs_recording,
     said_of,
 )
-from ...charts import save_menu
-from ...elements import Element, Timer, page_document
-from ...transfers import download, run_in_thread
-from ...widgets import asked, box, button, link, loading, note, page_frame, raw, refused, segments, tell, text
-from ...workspace import Workspace
 from .jobs import Reproduction, reproduction
 
 if TYPE_CHECKING:

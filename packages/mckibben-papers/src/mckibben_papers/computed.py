@@ -10,25 +10,26 @@ import math
 
 import numpy as np
 
-from ..analysis import characteristics
-from ..analysis.characteristics import (
+from mckibben.analysis import characteristics
+from mckibben.analysis.characteristics import (
     StaticCharacteristics,
     circle_area,
     static_characteristics,
     stiffness_per_pressure,
     work_of_shortening,
 )
-from ..components import Environment
-from ..muscles import braid
-from ..muscles.biological import BiologicalMuscle
-from ..muscles.build import law_from_specimen
-from ..muscles.laws.ideal import Ideal
-from ..muscles.laws.linear_threshold import LinearThreshold
-from ..pneumatics import AIR
-from ..pneumatics.tubes import inertance
-from ..specimens import specimen
-from ..studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, TubeModelResult, capacity
-from ..studies.tube_study import PAPERS, QUICK_THERMALS, TubeStudy, tube_study
+from mckibben.components import Environment
+from mckibben.muscles import braid
+from mckibben.muscles.biological import BiologicalMuscle
+from mckibben.muscles.build import law_from_specimen
+from mckibben.muscles.laws.ideal import Ideal
+from mckibben.muscles.laws.linear_threshold import LinearThreshold
+from mckibben.pneumatics import AIR
+from mckibben.pneumatics.tubes import inertance
+from mckibben.specimens import specimen
+from mckibben.studies.tube_models import ACCUMULATORS, DIAMETER, LARGE, LENGTH, SMALL, TubeModelResult, capacity
+from mckibben.studies.tube_study import PAPERS, QUICK_THERMALS, TubeStudy, tube_study
+
 from .rows import reproduces
 
 PRESSURE = 5e5  # the paper's characteristic gauge pressure [Pa]

@@ -7,8 +7,8 @@ import pytest
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben.reproduction import measured, recorded, reproduce, rows
-from mckibben.reproduction.rows import ComputedValue, all_rows, reproduce_row
+from mckibben_papers import measured, recorded, reproduce, rows
+from mckibben_papers.rows import ComputedValue, all_rows, reproduce_row
 
 RECORDED = ("loop.", "friction.", "isometric.", "isotonic.", "static.fit_")
 KG, PA, LMIN, FA = 0.466e-2, 0.062e5, 9.91e-2, -16.0  # eq. 13 as printed [m, Pa, m, N]

@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...bench.rig_file import rig
-from ...muscles.braid import BraidShape, braid_of
-from ...muscles.build import law_from_specimen
-from ...muscles.laws.thick_wall import ThickWall
-from ...pneumatics.tubes import inertance
-from ...quantities import from_si
-from ...reproduction import computed
-from ...specimens import specimen
-from ...studies.tube_models import AREA, LARGE, PERIOD, SMALL, TubeModelResult
-from ...studies.tube_study import QUICK_THERMALS
-from . import bench_diagram, circuit_diagram, style
-from .muscle_figures import muscle_drawing
-from .paper_common import (
+from mckibben.bench.rig_file import rig
+from mckibben.muscles.braid import BraidShape, braid_of
+from mckibben.muscles.build import law_from_specimen
+from mckibben.muscles.laws.thick_wall import ThickWall
+from mckibben.pneumatics.tubes import inertance
+from mckibben.quantities import from_si
+from mckibben.report.figures import bench_diagram, circuit_diagram, style
+from mckibben.report.figures.muscle_figures import muscle_drawing
+from mckibben.report.figures.style import COLOURS, INK, INK_2, INK_3, PANEL, number
+from mckibben.specimens import specimen
+from mckibben.studies.tube_models import AREA, LARGE, PERIOD, SMALL, TubeModelResult
+from mckibben.studies.tube_study import QUICK_THERMALS
+
+from .. import computed
+from .common import (
     BESIDE,
     NumberEntry,
     as_printed,
@@ -33,7 +35,6 @@ from .paper_common import (
     stack,
     title,
 )
-from .style import COLOURS, INK, INK_2, INK_3, PANEL, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

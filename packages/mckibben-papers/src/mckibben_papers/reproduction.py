@@ -13,19 +13,11 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from .._lazy import lazy_submodules
-from ..errors import MckibbenError
-from . import computed, measured, part4  # noqa: F401 - they register how the rows are computed
+from mckibben.errors import MckibbenError
+
 from .recorded import Folder, kept_in, saved_in, told
 from .rows import PrintedRow, RowOutcome, needs_recording, reproduce_row, select
-
-if TYPE_CHECKING:
-    from . import recorded as recorded
-    from . import rows as rows
-
-__all__ = ["RowOutcome", "PrintedRow", "helped", "reproduce"]
 
 WORTH = 6  # rows with recordings from which on a second process is worth its start
 
@@ -94,6 +86,3 @@ def _help(place: str, identifiers: list[str]) -> None:
         for row in reversed(select(None, identifiers)):
             with contextlib.suppress(MckibbenError, ArithmeticError, OSError):
                 reproduce_row(row)
-
-
-lazy_submodules(__name__)
