@@ -26,7 +26,6 @@ CONTENTS = {
     "cli": "the command line",
     "web": "the web interface",
     "report": "figures and reports",
-    "reproduction": "the numbers printed in the papers",
     "studies": "sizing, comparison, design, tubes",
     "batch": "sweeps of many variants",
     "bench": "rigs, sessions, runs",
@@ -63,7 +62,7 @@ CONTENTS = {
 }
 COLOURS = {  # by the uppermost package of a group of layers
     "cli": "#dbe7f3",
-    "reproduction": "#e6e0f0",
+    "studies": "#e6e0f0",
     "bench": "#fbe3d0",
     "assembly": "#dcefdc",
     "components": "#ececec",

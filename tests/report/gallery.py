@@ -12,7 +12,7 @@ import numpy as np
 
 import mckibben as mk
 from machine_records import machine_record
-from mckibben.analysis.energy import cycle_loops
+from mckibben.analysis.energy import cycle_loops, energy_curve
 from mckibben.analysis.energy_parts import EnergyAccount, EnergyPart
 from mckibben.analysis.frequency import FrequencyResponse
 from mckibben.analysis.repeatability import Repeatability
