@@ -11,9 +11,9 @@ from mckibben.errors import InputError
 from mckibben.quantities import from_si
 from mckibben.report.figures import style
 from mckibben_papers import computed, measured
-from mckibben_papers.drawings import common
-from mckibben_papers.drawings import recordings as drawings
-from mckibben_papers.drawings.common import as_printed, label, outcome, shown
+from mckibben_papers import figure_parts as common
+from mckibben_papers import figures_recordings as drawings
+from mckibben_papers.figure_parts import as_printed, label, outcome, shown
 from mckibben_papers.figures import CONFERENCE, FIGURES, JOURNAL, figure
 from mckibben_papers.rows import all_rows, needs_recording
 

@@ -7,7 +7,7 @@ import pytest
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.elements import Tendon
 from mckibben.recordings import Channel, Recording, read_recording
-from mckibben_papers import measured, recorded, reproduce, rows
+from mckibben_papers import measured, reproduce, reproduction, rows
 from mckibben_papers.rows import ComputedValue, all_rows, reproduce_row
 
 RECORDED = ("loop.", "friction.", "isometric.", "isotonic.", "static.fit_")
@@ -91,21 +91,21 @@ def test_ten_points_of_drawn_loops_give_eq_13_back(monkeypatch):
 
 def test_a_run_that_stops_is_no_result(monkeypatch):
     stopped = Recording(np.arange(2.0), {}, {"result": "stopped", "message": "the tension is too high"})
-    monkeypatch.setattr(recorded, "run", lambda bench, progress: stopped)
+    monkeypatch.setattr(reproduction, "run", lambda bench, progress: stopped)
     with pytest.raises(ConvergenceError, match="the tension is too high"):
-        recorded.recording("isometric-step", cycles=2)
+        reproduction.recording("isometric-step", cycles=2)
 
 
 def test_a_recording_tells_how_far_it_is(monkeypatch):
     heard = []
     done = Recording(np.arange(2.0), {}, {"result": "done"})
-    monkeypatch.setattr(recorded, "run", lambda bench, progress: progress(3.0, 4.0) or done)
-    with recorded.told(heard.append):
-        assert recorded.recording("isometric-step", cycles=1) is done
-        assert recorded.recording("isometric-step", cycles=1) is done  # not made again
+    monkeypatch.setattr(reproduction, "run", lambda bench, progress: progress(3.0, 4.0) or done)
+    with reproduction.told(heard.append):
+        assert reproduction.recording("isometric-step", cycles=1) is done
+        assert reproduction.recording("isometric-step", cycles=1) is done  # not made again
     assert heard == ["recording isometric-step, nylon, 1: 0 %", "recording isometric-step, nylon, 1: 75 %"]
-    assert not recorded._tellers
-    recorded.recording.cache_clear()
+    assert not reproduction._tellers
+    reproduction.recording.cache_clear()
 
 
 def test_rises_and_falls_are_taken_apart(monkeypatch):
@@ -157,8 +157,8 @@ def test_all_rows_from_recordings():
     outcomes = {o.row.id: o for o in reproduce(rows=list(RECORDED))}
     assert [o.row.id for o in outcomes.values() if o.ok is False] == []
     # below a tenth of a bar with both accumulators, visibly more without: of the true pressure, for a count is 27 mbar
-    bare = recorded.recording("preconditioning", plumbing="direct", pressure="5 bar", frequency="1 Hz", cycles=4)
-    parts = measured.triangle(), recorded.step_of(bare, "cycles")
+    bare = reproduction.recording("preconditioning", plumbing="direct", pressure="5 bar", frequency="1 Hz", cycles=4)
+    parts = measured.triangle(), reproduction.step_of(bare, "cycles")
     held, free = (measured.variation(p, channel="muscle.pressure", drive="span").largest for p in parts)
     assert free > 1.5 * held
     # history: the falling paths part where the rising ones do not
@@ -172,14 +172,14 @@ def test_all_rows_from_recordings():
 
 def test_the_recordings_of_rows_are_saved_under_the_words_that_say_which_they_are(monkeypatch, tmp_path):
     done = Recording(np.arange(2.0), {}, {"result": "done"})
-    monkeypatch.setattr(recorded, "run", lambda bench, progress: done)
-    with recorded.saved_in(tmp_path / "raw"):
-        recorded.recording("isometric-step", cycles=1, pressure="3 bar")
-        recorded.recording("isometric-step", "fiberglass", cycles=1)
-    recorded.recording("isometric-step", cycles=3)  # outside
+    monkeypatch.setattr(reproduction, "run", lambda bench, progress: done)
+    with reproduction.saved_in(tmp_path / "raw"):
+        reproduction.recording("isometric-step", cycles=1, pressure="3 bar")
+        reproduction.recording("isometric-step", "fiberglass", cycles=1)
+    reproduction.recording("isometric-step", cycles=3)  # outside
     names = [p.name for p in sorted((tmp_path / "raw").iterdir())]
     assert names == ["isometric-step-fiberglass-cycles-1.nc", "isometric-step-nylon-cycles-1-pressure-3-bar.nc"]
     assert np.array_equal(read_recording(tmp_path / "raw" / names[0]).time, done.time)
-    with pytest.raises(InputError, match="must be a folder"), recorded.saved_in(tmp_path / "raw" / names[0]):
+    with pytest.raises(InputError, match="must be a folder"), reproduction.saved_in(tmp_path / "raw" / names[0]):
         pass
-    recorded.recording.cache_clear()
+    reproduction.recording.cache_clear()

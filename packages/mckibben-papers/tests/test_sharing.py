@@ -5,7 +5,7 @@ import pytest
 
 from mckibben.recordings import Channel, Recording
 from mckibben_papers import helped, reproduce
-from mckibben_papers.recorded import ElsewhereError, Folder
+from mckibben_papers.reproduction import ElsewhereError, Folder
 
 
 def small(value=1.0 / 3.0):
@@ -47,7 +47,7 @@ def test_a_helper_that_died_leaves_its_recording_to_the_first_process(tmp_path):
 def test_rows_are_the_same_with_and_without_a_helper():
     with helped(["isotonic"]):
         together = reproduce(rows=["isotonic"])
-    from mckibben_papers.recorded import recording
+    from mckibben_papers.reproduction import recording
 
     recording.cache_clear()
     assert together == reproduce(rows=["isotonic"])

@@ -13,13 +13,6 @@ from mckibben._lazy import lazy_names, lazy_submodules
 from mckibben.registry import join
 
 if TYPE_CHECKING:
-    from . import datasets as datasets
-    from . import figures as figures
-    from . import page as page
-    from . import run as run
-    from . import tasks as tasks
-    from . import validation as validation
-    from . import validation_page as validation_page
     from .datasets import BenchmarkRecord as BenchmarkRecord
     from .datasets import DataSplit as DataSplit
     from .run import MODELS as MODELS
@@ -35,21 +28,6 @@ if TYPE_CHECKING:
     from .tasks import task as task
 
 __version__ = "0.1.0"
-__all__ = [
-    "MODELS",
-    "TASKS",
-    "BenchmarkModel",
-    "BenchmarkRecord",
-    "BenchmarkResult",
-    "BenchmarkTask",
-    "DataSplit",
-    "TaskScore",
-    "benchmark",
-    "model_names",
-    "new_model",
-    "run_task",
-    "task",
-]
 
 join(__name__)
 lazy_submodules(__name__)

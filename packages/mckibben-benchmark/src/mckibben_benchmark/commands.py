@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,12 +13,11 @@ from mckibben.cli._progress import progress
 from mckibben.cli._terminal import Json, print_json, table
 from mckibben.cli._verb import VerbCommand
 from mckibben.documents import write_text
+from mckibben.report.figures import run_figures, style
 
-from . import page, run, tasks
+from . import figures, muscle_loops, page, run, tasks, validation, validation_page
 
 if TYPE_CHECKING:
-    from .jumping_robot import RobotFit
-    from .muscle_loops import LoopStudy
     from .run import BenchmarkResult
     from .validation import Validation
 
@@ -118,25 +116,7 @@ def _show(result: BenchmarkResult) -> None:
 STUDY = OutputKinds(figure=FIGURE, result=OBJECT)
 
 
-def _draw_robot(answer: RobotFit, path: Path) -> None:
-    from mckibben.report.figures import run_figures, style
-
-    style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path)
-
-
-def _draw_loops(answer: LoopStudy, path: Path) -> None:
-    from mckibben.report.figures import style
-
-    from . import figures
-
-    style.save(figures.loop_study_figure(answer), path)
-
-
 def _write_page(answer: Validation, path: Path) -> list[Path]:
-    from mckibben.report.figures import style
-
-    from . import figures, validation_page
-
     figure = path.with_name(f"{path.stem}-errors.svg")
     if answer.static:
         style.save(figures.errors_figure(answer), figure)
@@ -144,24 +124,12 @@ def _write_page(answer: Validation, path: Path) -> list[Path]:
     return [path, figure] if answer.static else [path]
 
 
-def _loop_stages(given: Mapping[str, Any]) -> int:
-    from .muscle_loops import STAGES
-
-    return STAGES
-
-
-def _validation_stages(given: Mapping[str, Any]) -> int:
-    from .validation import stages
-
-    return stages(given.get("only", ()), given.get("laws", ()))
-
-
 study_robot = VerbCommand(
     "mckibben_benchmark.jumping_robot:robot_fit",
     STUDY,
     ("study robot 0p02_knee_80psi 0p06_65psi --predict 0p09_65psi --out robot.svg",),
     required=("trials",),
-    draw=_draw_robot,
+    draw=lambda answer, path: style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path),
     doing=("fitting", lambda given: None if given["each"] else int(given["evaluations"])),
 )
 study_loops = VerbCommand(
@@ -169,8 +137,8 @@ study_loops = VerbCommand(
     STUDY,
     ("study loops dmsp_10_250_hysteresis --out loops.svg",),
     options={"frictions": "friction"},
-    draw=_draw_loops,
-    doing=("loops", _loop_stages),
+    draw=lambda answer, path: style.save(figures.loop_study_figure(answer), path),
+    doing=("loops", lambda given: muscle_loops.STAGES),
 )
 study_validation = VerbCommand(
     "mckibben_benchmark.validation:validation",
@@ -178,5 +146,5 @@ study_validation = VerbCommand(
     ("study validation --only DMSP-10-250 --law ideal --out validation.md",),
     options={"folder": "data", "laws": "law"},
     writes={"page": _write_page},
-    doing=("validation", _validation_stages),
+    doing=("validation", lambda given: validation.stages(given.get("only", ()), given.get("laws", ()))),
 )

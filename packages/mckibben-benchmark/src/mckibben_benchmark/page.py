@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 
 from mckibben.muscles.laws import LAWS
 from mckibben.quantities import from_si
@@ -108,7 +107,7 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         parts.append(f"Computed with version {version}{when} in {minutes:.0f} minutes of one processor.")
     summary = [cells for name in result.tasks if (cells := verdict_row(result, name))]
     if summary:
-        parts += ["## Who is first", VERDICT, text_table(VERDICT_COLUMNS, summary)]
+        parts += ["## Who is first", VERDICT, markdown_table(VERDICT_COLUMNS, summary, right=())]
     if result.absent:
         parts.append(
             "Not done, for their data are not at hand: " + "; ".join(f"`{name}`" for name in result.absent) + "."
@@ -137,7 +136,7 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
             parts.append(f"Not run on this task: {', '.join(missing)}.")
         parts.append(one.note)
     if summary:
-        table = text_table(("model", "what it is", "what is chosen"), COMPETITOR_ROWS)
+        table = markdown_table(("model", "what it is", "what is chosen"), COMPETITOR_ROWS, right=())
         parts += [COMPETITORS_TEXT, table, COMPETITORS_END]
     return "\n\n".join([*parts, END]) + "\n"
 
@@ -148,12 +147,6 @@ def rows(result: BenchmarkResult, name: str) -> list[list[str]]:
         [score.model, percent(score.rms()), interval(score), percent(score.largest()), percent(score.bias(), sign=True)]
         for score in result.of(name)
     ]
-
-
-def text_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table of words, left-aligned."""
-    lines = [columns, ["---"] * len(columns), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:

@@ -15,10 +15,6 @@ from mckibben._lazy import lazy_names, lazy_submodules
 from mckibben.registry import join
 
 if TYPE_CHECKING:
-    from . import recorded as recorded
-    from . import report as report
-    from . import reproduction as reproduction
-    from . import rows as rows
     from .figures import FIGURES as FIGURES
     from .figures import PaperFigure as PaperFigure
     from .figures import figure as figure
@@ -28,7 +24,6 @@ if TYPE_CHECKING:
     from .rows import RowOutcome as RowOutcome
 
 __version__ = "0.1.0"
-__all__ = ["FIGURES", "PaperFigure", "PrintedRow", "RowOutcome", "figure", "helped", "reproduce"]
 
 join(__name__)
 lazy_submodules(__name__)

@@ -80,11 +80,15 @@ def reproduce_papers(
 
     $ mckibben reproduce --part IV --no-recordings --out energy.html
     """
-    printed_rows.select(part, row)  # refuses a wrong word before anything is loaded
-    _check_format(format_)
+    # Whatever can be refused is refused before anything is loaded or computed, which takes minutes.
+    printed_rows.select(part, row)
+    if f".{format_}" not in FIGURE:
+        raise InputError("--format", format_, known=[one[1:] for one in FIGURE])
     _check_folder(save_recordings, recordings)
     with OUT.files(out, folder=True) as files:
-        folder = _folder(files["folder"])
+        if len(files["folder"]) > 1:
+            raise InputError("--out", str(files["folder"][1]), "must be one folder, beside files")
+        folder = files["folder"][0] if files["folder"] else None
         places = _places(files["report"], folder, pdf=pdf, figures_only=bool(figure))
         pictures: list[PaperFigure] = []
         if figure or places:
@@ -92,25 +96,22 @@ def reproduce_papers(
         # None stands for all rows, an empty list for none
         rows = [*(row or []), *dict.fromkeys(r for p in pictures for r in p.rows)] if figure else row
         outcomes, drawn = _done(part, rows, pictures, recordings, save_recordings)
-        written = _write(places, outcomes, drawn, recordings)
-        if figure:
-            written += _save(drawn, folder or Path(), format_)
+        written = []
+        if places:
+            left = "" if recordings else "Rows that need recordings of the simulated test machine were left out."
+            document = papers.reproduction_report(outcomes, drawn, left_out=left)
+            written = [str(document.write(place)) for place in places]
+        for one in drawn if figure else ():
+            path = (folder or Path()) / f"figure-{one.of.id}.{format_}"
+            style.save(one.picture, path)
+            written.append(str(path))
         written += [] if save_recordings is None else [str(save_recordings)]
         _say(files, outcomes, written, as_json=as_json)
     if any(o.ok is False for o in outcomes):
         raise typer.Exit(1)
 
 
-# ---- arguments
-
-
-def _check_format(name: str) -> None:
-    if f".{name}" not in FIGURE:
-        raise InputError("--format", name, known=[one[1:] for one in FIGURE])
-
-
 def _check_folder(place: Path | None, recordings: bool) -> None:
-    """Refuse a folder of recordings that cannot be made, before minutes of computation."""
     if place is None:
         return
     if not recordings:
@@ -121,15 +122,8 @@ def _check_folder(place: Path | None, recordings: bool) -> None:
         raise not_found(place.absolute().parent, "folder")
 
 
-def _folder(folders: list[Path]) -> Path | None:
-    """The folder of ``--out``."""
-    if len(folders) > 1:
-        raise InputError("--out", str(folders[1]), "must be one folder, beside files")
-    return folders[0] if folders else None
-
-
 def _places(report: list[Path], out: Path | None, *, pdf: bool, figures_only: bool) -> list[Path]:
-    """Paths of the reports; checked before minutes of computation, and before a folder is made."""
+    """Paths of the reports, checked before a folder is made."""
     named = [document_module.checked_place(path, field="--out") for path in report]
     names = [] if out is None or figures_only else [name for name in REPORTS if pdf or not name.endswith(".pdf")]
     if any(name.endswith(".pdf") for name in names):
@@ -146,12 +140,12 @@ def _places(report: list[Path], out: Path | None, *, pdf: bool, figures_only: bo
 def _done(
     part: str | None, rows: list[str] | None, pictures: list[PaperFigure], recordings: bool, save: Path | None
 ) -> tuple[list[RowOutcome], list[Drawn]]:
-
     asked = [] if rows == [] else printed_rows.select(part, rows)
     recorded = [r.id for r in asked] if recordings else []
     with reproduction.helped(recorded), progress("reproducing", len(asked) + len(pictures)) as advance:
-        outcomes = (
-            reproduction.reproduce(
+        outcomes: list[RowOutcome] = []
+        if asked:
+            outcomes = reproduction.reproduce(
                 part,
                 rows,
                 progress=lambda r: advance(r.id),
@@ -159,34 +153,13 @@ def _done(
                 recordings=recordings,
                 save=save,
             )
-            if asked
-            else []
-        )
         if not pictures:
             return outcomes, []
-
-        with recorded.told(lambda words: advance(words, 0)):
+        with reproduction.told(lambda words: advance(words, 0)):
             return outcomes, papers.draw(pictures, lambda f: advance(f"figure {f.id}: {f.title}"))
 
 
 # ---- output
-
-
-def _write(places: list[Path], outcomes: list[RowOutcome], drawn: list[Drawn], recordings: bool) -> list[str]:
-    """Write the reports, and return their paths."""
-    if not places:
-        return []
-    left = "" if recordings else "Rows that need recordings of the simulated test machine were left out."
-    document = papers.reproduction_report(outcomes, drawn, left_out=left)
-    return [str(document.write(place)) for place in places]
-
-
-def _save(drawn: list[Drawn], folder: Path, ending: str) -> list[str]:
-    """Save the figures, and return their paths."""
-    paths = [folder / f"figure-{one.of.id}.{ending}" for one in drawn]
-    for path, one in zip(paths, drawn, strict=True):
-        style.save(one.picture, path)
-    return [str(path) for path in paths]
 
 
 def _say(files: OutputFiles, outcomes: list[RowOutcome], written: list[str], *, as_json: bool) -> None:
@@ -214,7 +187,6 @@ def _document(outcomes: list[RowOutcome]) -> dict[str, Any]:
 
 
 def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
-
     return {
         "id": o.row.id,
         "paper": o.row.paper,
@@ -263,7 +235,6 @@ def _print(outcomes: list[RowOutcome]) -> None:
 
 
 def _cells(o: RowOutcome) -> list[str]:
-
     ours = "–" if o.ours is None else words_module.significant(o.ours)
     unit = "" if o.row.unit == "-" else o.row.unit
     return [o.row.id, papers.printed(o.row.paper), ours, unit, papers.difference(o.row, o.ours), o.verdict]

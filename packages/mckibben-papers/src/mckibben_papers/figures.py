@@ -72,7 +72,7 @@ def _later(place: str, *arguments: str) -> Callable[[], Figure]:
     module, _, function = place.partition(".")
 
     def draw() -> Figure:  # loaded at the call, since matplotlib takes a second to load
-        drawn: Figure = getattr(importlib.import_module(f"{__package__}.drawings.{module}"), function)(*arguments)
+        drawn: Figure = getattr(importlib.import_module(f"{__package__}.figures_{module}"), function)(*arguments)
         return drawn
 
     return draw

@@ -42,7 +42,7 @@ from mckibben.quantities import from_si
 from mckibben.recordings import Recording
 from mckibben.specimens import specimen
 
-from .recorded import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
+from .reproduction import FIVE_BAR, SPAN, TENSION, recording, reproduces, saturation_words, step_of
 from .rows import ComputedValue, printed
 
 CM, MS, BAR = from_si(1.0, "m", "cm"), from_si(1.0, "s", "ms"), from_si(1.0, "Pa", "bar")

@@ -33,8 +33,8 @@ from mckibben.web.charts import figure_file
 from mckibben.web.workspace import Workspace
 
 from ..figures import FIGURES, PaperFigure, figure
-from ..recorded import PAUSE, Folder, kept_in, told
 from ..report import draw, reproduction_report
+from ..reproduction import PAUSE, Folder, kept_in, told
 from ..rows import RowOutcome, all_rows, needs_recording, reproduce_row
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ from mckibben.specimens import specimen
 from mckibben.studies.tube_models import AREA, LARGE, PERIOD, SMALL, TubeModelResult
 from mckibben.studies.tube_study import QUICK_THERMALS
 
-from .. import computed
-from .common import (
+from . import computed
+from .figure_parts import (
     BESIDE,
     NumberEntry,
     as_printed,

@@ -18,10 +18,8 @@ from mckibben.report.figures import style
 from mckibben.report.figures.style import COLOURS, INK, INK_2, INK_3, number
 from mckibben.specimens import specimen
 
-from .. import measured
-from ..measured import recorded_sines
-from ..recorded import FIVE_BAR, SPAN, TENSION, recording, step_of
-from .common import (
+from . import measured
+from .figure_parts import (
     KEY_MARK,
     MARK,
     PRINTED,
@@ -39,6 +37,8 @@ from .common import (
     stack,
     title,
 )
+from .measured import recorded_sines
+from .reproduction import FIVE_BAR, SPAN, TENSION, recording, step_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

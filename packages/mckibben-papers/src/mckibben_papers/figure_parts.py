@@ -16,8 +16,8 @@ from mckibben.report.figures import style
 from mckibben.report.figures.places import ArtistPlace, set_place
 from mckibben.report.figures.style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
-from ..rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
-from ..rows import printed as printed
+from .rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
+from .rows import printed as printed
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

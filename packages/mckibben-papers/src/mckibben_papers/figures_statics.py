@@ -43,8 +43,8 @@ from mckibben.report.figures.style import (
 )
 from mckibben.specimens import specimen
 
-from .. import computed, measured, part4
-from .common import (
+from . import computed, measured, part4
+from .figure_parts import (
     KEY_MARK,
     MARK,
     PRINTED,
