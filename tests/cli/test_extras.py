@@ -1,5 +1,6 @@
 """A library that comes with an extra is asked for before anything is computed, and one sentence says which extra."""
 
+import asyncio
 import html
 import sys
 from importlib import metadata
@@ -101,11 +102,17 @@ def test_a_page_of_a_package_that_is_not_installed_says_which_and_pages_that_sho
         assert paper_values("nylon") == {}
     finally:
         registry.plugins.cache_clear()
-    opened = elements.Documents().open()
-    with opened.root:
-        server._builder(page)(None, None)
+
+    async def shown() -> str:
+        documents = elements.Documents()
+        opened = documents.open()
+        with opened.root:
+            server._builder(page)(None, None)
+        documents.close_all()
+        return html.unescape(widgets.written(opened))
+
     says = "The page The paper needs mckibben-papers, which is not installed: pip install 'mckibben[papers]'."
-    assert says in html.unescape(widgets.written(opened))
+    assert says in asyncio.run(shown())
 
 
 def test_where_it_was_asked_for_stays_in_front_of_the_sentence(monkeypatch):
