@@ -96,12 +96,12 @@ def reproduce_papers(
         # None stands for all rows, an empty list for none
         rows = [*(row or []), *dict.fromkeys(r for p in pictures for r in p.rows)] if figure else row
         outcomes, drawn = _done(part, rows, pictures, recordings, save_recordings)
-        written = []
+        written: list[str] = []
         if places:
             left = "" if recordings else "Rows that need recordings of the simulated test machine were left out."
             document = papers.reproduction_report(outcomes, drawn, left_out=left)
             written = [str(document.write(place)) for place in places]
-        for one in drawn if figure else ():
+        for one in drawn if figure else []:
             path = (folder or Path()) / f"figure-{one.of.id}.{format_}"
             style.save(one.picture, path)
             written.append(str(path))

@@ -6,7 +6,7 @@ import csv
 import html
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -114,8 +114,8 @@ def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
 
 def _printed_rows() -> Mapping[str, Any]:
     """What the papers print, by the name of the row; empty without the package that knows it."""
-    rows = plugins("mckibben.printed").get("rows")
-    return {} if rows is None else rows()
+    rows: Callable[[], Mapping[str, Any]] = plugins("mckibben.printed").get("rows", dict)
+    return rows()
 
 
 def paper_values(identifier: str) -> dict[str, float]:
