@@ -224,7 +224,7 @@ def test_arrays_of_jax_stay_what_they_are_and_all_else_becomes_floats():
 @pytest.mark.parametrize(
     ("unit", "powers"),
     [
-        ("N", {"kg": 1, "m": 1, "s": -2}), ("Pa", {"kg": 1, "m": -1, "s": -2}), 
+        ("N", {"kg": 1, "m": 1, "s": -2}), ("Pa", {"kg": 1, "m": -1, "s": -2}),
         ("N m/rad", {"kg": 1, "m": 2, "s": -2, "rad": -1}),
         ("m^3/s", {"m": 3, "s": -1}), ("1", {}), ("J/(kg*K)", {"m": 2, "s": -2, "K": -1}),
         ("V", {"kg": 1, "m": 2, "s": -3, "A": -1}),
