@@ -8,7 +8,7 @@ BIN    := $(VENV)/Scripts
 endif
 RUN    := $(BIN)/python -m
 WORKERS ?= 2
-PACKAGES := packages/lanewise packages/mckibben-hardware packages/mckibben-hosts
+PACKAGES := packages/lanewise packages/mckibben-benchmark packages/mckibben-hardware packages/mckibben-hosts packages/mckibben-papers
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
 .PHONY: demo plan wheel test slow validation lint docs firmware bench lock clean help
@@ -49,6 +49,8 @@ test: lint ## Run the whole suite
 	$(RUN) pytest -n $(WORKERS) -m "not slow" tests packages/lanewise/tests
 	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hardware/tests
 	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hosts/tests
+	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-benchmark/tests
+	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-papers/tests
 
 slow: $(VENV)/.test ## Run the tests that take minutes
 	$(RUN) pytest -n $(WORKERS) -m slow

@@ -25,8 +25,16 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
-HARDWARE = ROOT / "packages" / "mckibben-hardware"
-HOSTS = ROOT / "packages" / "mckibben-hosts"
+# Distributions above mckibben, by the extra that brings each, with what they ship beside their modules.
+ABOVE = {
+    "benchmark": (ROOT / "packages" / "mckibben-benchmark", ("README.md", "LICENSE")),
+    "hardware": (
+        ROOT / "packages" / "mckibben-hardware",
+        ("README.md", "LICENSE", "firmware/README.md", "firmware/bench.c"),
+    ),
+    "hosts": (ROOT / "packages" / "mckibben-hosts", ("README.md", "LICENSE", "NOTICE")),
+    "papers": (ROOT / "packages" / "mckibben-papers", ("README.md", "LICENSE")),
+}
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
@@ -129,6 +137,9 @@ MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
 PACKAGED = {
     "conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)),
     "export": needs("hosts", MUSCLE),
+    "benchmark": needs("benchmark", "--list"),
+    "reproduce": needs("papers", "--row", "valve.festo"),
+    **{f"study {name}": needs("benchmark", "nothing") for name in ("loops", "robot", "validation")},
     "device check": needs("hardware", "--rig", "modern", "--simulate"),
     "calibrate zero": needs("hardware", "--rig", "modern", "--simulate"),
     "run": Call((*BENCH, "--on", "serial:/dev/ttyACM0"), says=("mckibben-hardware", "pip install 'mckibben[serial]'")),
@@ -320,20 +331,21 @@ def main() -> int:
         place = Path(name)
         compiler, wrong = built(COMPILER, "lanewise", ("README.md", "LICENSE"), place / "compiler")
         wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
-        hosts, others = built(HOSTS, "mckibben_hosts", ("README.md", "LICENSE", "NOTICE"), place / "hosts")
-        wrong += more + others
-        hardware, others = built(HARDWARE, "mckibben_hardware", HARDWARE_KEPT, place / "hardware")
-        wrong += others
+        wrong += more
+        above = []
+        for folder, kept in ABOVE.values():
+            one, more = built(folder, folder.name.replace("-", "_"), kept, place / folder.name)
+            above.append(one)
+            wrong += more
         python = environment(place / "venv")
         install(python, compiler)
         wrong += example_runs(python, COMPILER, place, without="mckibben")
         install(python, compiler, wheel)
         wrong += packaged_commands(python, place)
-        install(python, compiler, wheel, hardware)
-        wrong += example_runs(python, HARDWARE, place, without="mckibben_hosts")
-        install(python, compiler, wheel, hardware, hosts)
-        wrong += example_runs(python, HOSTS, place)
-        names = ", ".join(one.name for one in (compiler, wheel, hardware, hosts))
+        for one, (folder, _) in zip(above, ABOVE.values(), strict=True):
+            install(python, compiler, wheel, one)
+            wrong += example_runs(python, folder, place)
+        names = ", ".join(one.name for one in (compiler, wheel, *above))
         print(f"Built and installed {names}: {time.monotonic() - began:.0f} s", flush=True)
         wrong += called(python, place)
     for line in wrong:
@@ -426,8 +438,7 @@ def packaged_commands(python: Path, place: Path) -> list[str]:
     help_text = subprocess.run(
         [python, "-m", "mckibben", "--help"], cwd=place, env=env, check=True, capture_output=True, text=True
     ).stdout
-    listed = {name.split()[0] for name in PACKAGED}
-    wrong = [f"{name}: the help does not list it" for name in listed if f"\n  {name} " not in help_text]
+    wrong = [f"{name}: the help does not list it" for name in PACKAGED if f"\n  {name.split()[0]} " not in help_text]
     for name, call in PACKAGED.items():
         wrong += judged(name, call, python=python, room=place, env=env)
     return wrong
