@@ -31,7 +31,7 @@ from mckibben.identification.calibration import muscle_of_fit
 from mckibben.identification.fit import Fit, fit
 from mckibben.recordings import ForceMap, read_force_map
 from mckibben.specimens.model import BETWEEN_COMPONENTS
-from mckibben.studies.validation import AARL_ZERO, PLATEAUS, measured_data
+from mckibben_benchmark.validation import AARL_ZERO, PLATEAUS, measured_data
 
 LAW = "seated_braid"
 TEN = {"rest_diameter": 0.010, "wall_thickness": 0.0018}

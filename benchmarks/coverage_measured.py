@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import written
 
-from mckibben.benchmarking.physics import RULER, joined
-from mckibben.benchmarking.tasks import task
 from mckibben.errors import MissingDataError
 from mckibben.identification import fit
 from mckibben.identification.problem import SAME_LENGTH
 from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared
-from mckibben.studies.validation import measured_data
+from mckibben_benchmark.physics import RULER, joined
+from mckibben_benchmark.tasks import task
+from mckibben_benchmark.validation import measured_data
 
 TASKS = ("map-pressure-out", "map-above-4-bar", "map-length-out", "data-sheet", "other-lengths")
 LAWS = ("seated_hyperelastic_braid", "seated_braid")

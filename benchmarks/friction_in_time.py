@@ -24,10 +24,6 @@ import numpy as np
 import written
 
 import mckibben as mk
-from mckibben.benchmarking import physics
-from mckibben.benchmarking.datasets import VENTING, BenchmarkRecord
-from mckibben.benchmarking.physics import LawModel
-from mckibben.benchmarking.tasks import task
 from mckibben.estimation import akaike
 from mckibben.identification.problem import Problem, solve
 from mckibben.identification.shared_hysteresis import (
@@ -38,7 +34,11 @@ from mckibben.identification.shared_hysteresis import (
     independent_samples,
     read_recordings,
 )
-from mckibben.studies.validation import AARL_ZERO, measured_data
+from mckibben_benchmark import physics
+from mckibben_benchmark.datasets import VENTING, BenchmarkRecord
+from mckibben_benchmark.physics import LawModel
+from mckibben_benchmark.tasks import task
+from mckibben_benchmark.validation import AARL_ZERO, measured_data
 
 LENGTH_ERROR = 5e-4  # what the static plateaus of these muscles say, `lengths.py` [m]
 SAMPLES = 400  # of each run

@@ -30,13 +30,13 @@ import numpy as np
 import written
 
 import mckibben as mk
-from mckibben.benchmarking.physics import joined
-from mckibben.benchmarking.tasks import task
 from mckibben.identification import fit
 from mckibben.identification.problem import CURVE_POINTS, Problem, solve
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap, read_force_map
-from mckibben.studies.validation import AARL_ZERO, measured_data
+from mckibben_benchmark.physics import joined
+from mckibben_benchmark.tasks import task
+from mckibben_benchmark.validation import AARL_ZERO, measured_data
 
 LAWS = ("seated_hyperelastic_braid", "seated_braid")
 KNOWN = {"rest_diameter": 0.010, "wall_thickness": 0.0018}
