@@ -57,7 +57,7 @@ SOFTWARE_TESTS = {
     "bench/software/controllers.py": "bench/test_controllers.py bench/test_joint.py",
     "bench/software/sequencer.py": "bench/test_manual.py bench/test_sample_loop.py bench/test_run.py",
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
-    "bench/recorder.py": "bench/test_recorder.py bench/test_run.py cli/test_full_disk.py",
+    "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
     "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py bench/daq/test_daq_wiring.py",
     "recordings/recording.py": "recordings/test_recording.py analysis/test_segments.py",
