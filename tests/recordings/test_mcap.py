@@ -329,13 +329,11 @@ def test_lists_in_messages_are_left_out_with_a_word(tmp_path: Path) -> None:
     assert "/rig.raw is left out: it is a list" in read_any(path, units={"p": "N"}).remarks
 
 
-def test_topics_of_two_clocks_must_be_chosen_from(tmp_path: Path) -> None:
+def test_topics_of_two_clocks_are_one_record_on_the_finer_and_it_is_said(tmp_path: Path) -> None:
     topics = {"/a": as_json({"f": 1}, {"f": 2}), "/b": as_json({"p": 1}, {"p": 2}, {"p": 3}, step=10**6)}
     path = foreign(tmp_path / "a.mcap", topics)
-    with pytest.raises(
-        InputError, match=r"the columns have 2 clocks \(/a: a\.f; /b: b\.p\), and a recording has one time"
-    ):
-        read_any(path)
+    both = read_any(path, units={"a.f": "N", "b.p": "kPa"})
+    assert "a.f is interpolated to the times of b.p" in both.remarks
     read = read_any(path, columns={"pressure": "b.p"}, units={"pressure": "kPa"})
     assert read.recording["pressure"].tolist() == [1e3, 2e3, 3e3]
 
