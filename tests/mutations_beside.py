@@ -83,7 +83,7 @@ SOFTWARE_TESTS = {
     "quantities.py": "test_quantities.py habits/test_values_of_people.py",
     "answers.py": "test_answers.py test_contract_of_verbs.py test_verbs.py",
     "estimation.py": "test_estimation.py identification/test_ranking.py",
-    "experiments/waveforms/": "experiments/test_waveforms.py experiments/test_protocols.py experiments/test_stimulus_trains.py",
+    "experiments/waveforms/": "experiments/test_waveforms.py experiments/test_protocols.py",
     "experiments/amounts.py": "experiments/test_protocols.py",
     "experiments/protocol.py": "experiments/test_protocols.py",
 }

@@ -281,3 +281,29 @@ def test_a_triangle_is_as_fast_as_its_shorter_side_and_a_logarithmic_chirp_grows
 )  # fmt: skip
 def test_a_time_is_said_in_the_unit_that_fits(seconds, text):
     assert time_words(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "sentence"),
+    [
+        ("steps", {}, "steps 0 bar, 3 bar from 300 ms, 1 bar from 1.1 s"),
+        ("chirp", {}, "chirp 0 bar +- 1 bar from 1 Hz to 20 Hz in 2 s"),
+        ("chirp", {"sweep": "log"}, "chirp 0 bar +- 1 bar from 1 Hz to 20 Hz in 2 s, logarithmic"),
+        ("triangle", {}, "triangle from 1 bar to 3 bar at 1 Hz"),
+        ("triangle", {"rising": 0.25}, "triangle from 1 bar to 3 bar at 1 Hz, rising for 0.25 of each cycle"),
+        ("sine", {}, "sine 2 bar +- 1 bar at 0.5 Hz, phase 90 deg"),
+        ("sine", {"phase": "0 deg"}, "sine 2 bar +- 1 bar at 0.5 Hz"),
+    ],
+)
+def test_a_sentence_says_what_is_there_and_nothing_of_what_is_as_usual(kind, changes, sentence):
+    assert made(kind, **changes).sentence("Pa") == sentence
+
+
+def test_before_it_begins_a_waveform_has_its_first_value_and_a_sequence_ends_with_its_last_part():
+    assert made("steps").at(np.array([-1.0, -1e-3])).tolist() == [0.0, 0.0]
+    held = made("table", between="held")
+    for near in (1.0, math.nextafter(1.0, 0.0)):
+        assert held.at(np.array([near])).tolist() == [1e5]
+    parts = [{"kind": "constant", "value": f"{k} bar", "lasts": f"{k} s"} for k in (1, 2, 3)]
+    sequence = made("sequence", parts=parts)
+    assert sequence.at(np.array([0.0, 0.99, 1.0, 2.99, 3.0, 5.9, 20.0])).tolist() == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5, 3e5]
