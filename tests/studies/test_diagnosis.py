@@ -34,13 +34,13 @@ def observer():
     return observer_of(blank, "modern", muscle="nylon")
 
 
-def record(observer, seed=0, *, before=0, **faults):
+def record(observer, seed=0, *, before=0, span=SPAN, command=COMMAND, **faults):
     """A recording of the rig with faults, as its sensors show it, after so many others of the same motion."""
     chance = np.random.default_rng(seed)
-    empty = RecordedSection(TIME, SPAN, COMMAND, np.ones(len(TIME)), {})
+    empty = RecordedSection(TIME, span, command, np.ones(len(TIME)), {})
     rows = observer.predict_all([empty] * (before + 1), [faults])[-1][0]
-    channels = {"span": mk.Channel(SPAN, "m", "measured", "span")}
-    channels["valve.command"] = mk.Channel(COMMAND, "Pa", "command", "pressure asked of the valve")
+    channels = {"span": mk.Channel(span, "m", "measured", "span")}
+    channels["valve.command"] = mk.Channel(command, "Pa", "command", "pressure asked of the valve")
     for name, row in zip(observer.channels, rows, strict=True):
         noise = float(observer.rig.sensors[name].noise) * chance.standard_normal(len(row))
         unit = "N" if name == "tension" else "Pa"
@@ -95,6 +95,29 @@ def test_a_muscle_that_its_file_describes_a_little_wrong_is_no_fault(observer):
     off = {one.path: one.off for one in result.description}
     assert max(map(abs, off.values())) < 3.0
     assert off["muscle.friction.limit.constant"] > 0.3 and off["muscle.friction.limit.per_pressure"] < -0.3
+
+
+def test_a_polynomial_whose_moduli_cancel_takes_up_what_its_file_states_wrongly():
+    """Each number within two of its deviations; steps that were not damped left up to 300 noises, and named a fault."""
+    blank = mk.Recording(TIME, {"span": mk.Channel(SPAN, "m", "measured", "span")}, {})
+    true = observer_of(blank, "modern", muscle="DMSP-20-300")
+    sound = record(true, seed=4, span=2.0 * SPAN + 0.02)
+    off = np.linspace(-2.0, 2.0, len(true.description))[np.random.default_rng(5).permutation(len(true.description))]
+    moved = {one.path: one.value + float(x) * one.deviation for one, x in zip(true.description, off, strict=True)}
+    result = diagnose(
+        sound, rig="modern", muscle=paths.put({"muscle": true.unit, "plumbing": true.plumbing}, moved)["muscle"]
+    )
+    assert (result.fault, result.calibration, result.described) == ("", "", True)
+    assert result.misfit < 1.5 and result.faults[0].ratio < THRESHOLD  # as of the nylon muscle above
+
+
+def test_a_muscle_that_its_file_has_slack_where_it_is_taut_is_no_fault(observer):
+    """Nothing changes in a slack muscle with its length, so that no small change says that it is taut."""
+    span, command = np.full(len(TIME), 0.1403), np.where(TIME < 1.0, 0.0, 3e5)
+    sound = record(observer, seed=6, span=span, command=command)
+    result = diagnose(sound, rig="modern", muscle=paths.put(rig_unit("nylon"), {"law.rest_length": 0.1411}))
+    assert (result.fault, result.calibration, result.described) == ("", "", True)
+    assert result.misfit < 1.5  # as above
 
 
 def test_a_leak_is_found_beside_a_file_that_is_off(observer):

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
+from scipy.optimize import lsq_linear
 
 from ...answers import Answer, Caution, Column, Table
 from ...assembly.build import rig_unit
@@ -126,7 +127,11 @@ FEWEST_BLOCKS, SCALINGS = 20, 5
 NEAR, FEWEST_NEAR = 3.0, 7  # standard errors from the best value, and values, that say how sharp the misfit is
 START, LEAST_EFFECT = 0.01, 1e-9  # share of the gas at the start by which its effect is found; least effect that is one
 # Rounds in which the description is found, step of its numbers and the farthest that they go, in standard deviations.
-DESCRIBED_ROUNDS, OFF_STEP, FARTHEST_OFF = 4, 0.25, 4.0
+DESCRIBED_ROUNDS, OFF_STEP, FARTHEST_OFF = 30, 0.05, 4.0
+# Dampings that are tried in each round; change of a number and of twice the logarithm of the likelihood at which it ends.
+DAMPINGS, OFF_CLOSE, LIKELY_CLOSE = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0), 0.05, 0.5
+# Mean square left, in units of the noise, beyond which the search begins anew from other rest lengths [deviations].
+NOISE_LEFT, OTHER_LENGTHS = 1.5, (-2.0, 2.0)
 UNDESCRIBED = 3.0  # noises of the sensors that are left where no description nor fault explains a recording
 SAID_OFF, MOST_OFF = 0.5, 4  # usual errors from which on a number is shown, and numbers in a sentence
 LEAST_SHARE = 0.02  # of the strongest, of a combination of the start's effects that is told from the others
@@ -697,13 +702,13 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     variance of the block is larger by the square of that change.
     """
     compare = _Comparison(observer, sections)
-    _describe(compare, {})
-    found = _judge(compare)
+    found = _judge(compare, _describe(compare, {}).around)
     if found.fault:  # the description was bent as if the rig were sound; with the fault it may be as stated
         _describe(compare, {found.fault: compare.searched(found.fault, found[found.fault].estimate.value)})
         again = _judge(compare)
         found = again if again.fault == found.fault else found
-    if observer.description and not found.explained:  # nor may it be bent for a wrong zero, or for a clamp that slips
+    # nor may it be bent for a wrong zero, or for a clamp that slips or a valve that sticks, beside which it leads nowhere
+    if observer.description and (not found.explained or found.fault in RUNGS):
         stated = diagnose_sections(observer._replace(description=()), sections)
         found = stated if stated.explained or stated.calibration else found
     if not found.described:
@@ -711,66 +716,132 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     return found
 
 
-def _describe(compare: _Comparison, fault: Mapping[str, float]) -> None:
+def _around(compare: _Comparison) -> list[dict[str, float]]:
+    """Sets of values: a rig as it is described, other starts of it, and a step of each number of the description."""
+    steps = [{n: off + OFF_STEP} for n, off in compare.described.items()]
+    return [{}, {START_GAS: START}, *STARTS, *steps]
+
+
+class _Description(NamedTuple):
+    """Numbers of a description, in deviations from the stated ones, and what speaks against them.
+
+    Attributes:
+        numbers: by their paths.
+        unlikely: twice the negative logarithm of their likelihood.
+        left: mean square that they leave, in units of the noise.
+        around: readings of the sets of `_around`; None where the search was not at its end.
+    """
+
+    numbers: dict[str, float]
+    unlikely: float
+    left: float
+    around: list[np.ndarray] | None
+
+
+def _describe(compare: _Comparison, fault: Mapping[str, float]) -> _Description:
     """Find the most probable numbers of the description, given a fault: least squares with what is stated as the prior.
 
-    By Gauss-Newton, each round in units of what the one before has left, but no less than the sensors' noise.
+    A slack muscle pulls with nothing whatever its length is, so that no small change says that it should be taut: where more
+    than noise is left, the search begins anew from a shorter and from a longer muscle.
     """
     names = [one.path for one in compare.observer.description]
     compare.described = dict.fromkeys(names, 0.0)
+    if not names:
+        return _Description({}, 0.0, 0.0, None)
+    lengths = [name for name in names if name.endswith(".rest_length")]
+    best = _descend(compare, fault, compare.described)
+    for start in ({name: off} for name in lengths for off in OTHER_LENGTHS):
+        if best.left < NOISE_LEFT:
+            break
+        best = min(best, _descend(compare, fault, dict.fromkeys(names, 0.0) | start), key=lambda one: one.unlikely)
+    compare.described, compare.starts = best.numbers, compare.starts[:0]
+    return best
+
+
+def _descend(compare: _Comparison, fault: Mapping[str, float], start: Mapping[str, float]) -> _Description:
+    """Most probable description near a start, by Levenberg and Marquardt.
+
+    Noise beyond that of the sensors is unknown, by one factor for all of them.
+    """
+    names, compare.described = list(start), dict(start)
     compare.loose, compare.rough = compare.loose[:0], np.zeros((len(compare.channels), 1))
-    for _ in range(DESCRIBED_ROUNDS if names else 0):
-        now = compare.described
-        steps = [{n: now[n] + OFF_STEP} for n in names]
-        tables = compare.readings([{**fault, **one} for one in ({}, {START_GAS: START}, *STARTS, *steps)])
-        begun = 2 + len(STARTS)
+    compare.scale, begun = compare.noise()[:, None], 2 + len(STARTS)
+    for _ in range(DESCRIBED_ROUNDS):
+        tables = compare.readings([{**fault, **one} for one in _around(compare)])
         compare.begin([np.concatenate([table[:1], table[2:begun]]) for table in tables])
         predicted = compare.blocks(tables)
         off, effects = compare.measured - predicted[0], (predicted[begun:] - predicted[0]) / OFF_STEP
         compare.starts = compare.of_each_section(predicted[1:begun] - predicted[0])
-        compare.scale = compare.noise()[:, None]
-        stated = np.array([now[n] for n in names])
-        for _ in range(SCALINGS):
-            rows = compare.scaled(effects)
-            normal = rows @ rows.T + np.eye(len(names))
-            change = np.linalg.solve(normal, rows @ compare.scaled(off) - stated)
-            left = off - np.einsum("k,kcb->cb", change, effects)
-            share = compare.scaled(left).reshape(left.shape).std(axis=1, keepdims=True)
-            compare.scale = np.maximum(share * compare.scale, compare.noise()[:, None])
-        compare.described = dict(
-            zip(names, np.clip(stated + change, -FARTHEST_OFF, FARTHEST_OFF).tolist(), strict=True)
+        stated = np.array([*compare.described.values()])
+        now = _Description(
+            compare.described, _unlikely(compare, off, stated), float((compare.scaled(off) ** 2).mean()), tables
         )
-        if np.abs(change).max() < OFF_STEP**2:
-            break
-    compare.starts = compare.starts[:0]
+        trials = np.array([_step_of(compare, off, effects, stated, damping) for damping in DAMPINGS])
+        if np.abs(trials[0] - stated).max() < OFF_CLOSE:
+            return now
+        blocks = compare.predict([{**fault, **dict(zip(names, one, strict=True))} for one in trials.tolist()])
+        tried = [_unlikely(compare, compare.measured - b, one) for b, one in zip(blocks, trials, strict=True)]
+        best = int(np.argmin(np.nan_to_num(tried, nan=np.inf)))
+        if not now.unlikely - tried[best] > LIKELY_CLOSE:
+            return now
+        compare.described = dict(zip(names, trials[best].tolist(), strict=True))
+    return now._replace(numbers=compare.described, unlikely=tried[best], around=None)
 
 
-def _judge(compare: _Comparison) -> Diagnosis:
-    """Judge all faults beside a description that may be off, from where it is most probable."""
+def _unlikely(compare: _Comparison, off: np.ndarray, stated: np.ndarray) -> float:
+    """Twice the negative logarithm of the posterior of a description, with the noise that it leaves."""
+    misfit = float((compare.scaled(off) ** 2).sum())
+    widest = max(misfit / off.size, 1.0)
+    return misfit / widest + off.size * float(np.log(widest)) + float(stated @ stated)
+
+
+def _step_of(
+    compare: _Comparison, off: np.ndarray, effects: np.ndarray, stated: np.ndarray, damping: float
+) -> np.ndarray:
+    """Description (k,) to which a damped step leads, with the noise that it would leave, and no number too far off."""
+    rows, left = compare.scaled(effects), compare.scaled(off)
+    normal, pull = rows @ rows.T, rows @ left
+    normal = normal + damping * np.diag(np.diag(normal))
+    ends = -FARTHEST_OFF - stated, FARTHEST_OFF - stated
+    change, widest = np.zeros(len(stated)), 1.0
+    for _ in range(SCALINGS):
+        root = np.linalg.cholesky(normal / widest + np.eye(len(stated))).T
+        # moduli cancel: one that is cut off at its end by itself leaves thousands of noises
+        change = lsq_linear(root, np.linalg.solve(root.T, pull / widest - stated), ends, method="bvls").x
+        widest = max(float(np.mean((left - change @ rows) ** 2)), 1.0)
+    return stated + change
+
+
+def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> Diagnosis:
+    """Judge all faults beside a description that may be off, from where it is most probable.
+
+    Args:
+        compare: measured and predicted blocks.
+        around: readings of the sets of `_around` without a fault, where they are known.
+    """
     names = known_faults(compare.observer, compare.channels)
     compare.loose, compare.starts, compare.slipped = compare.loose[:0], compare.starts[:0], 0.0
     compare.scale = np.ones((len(compare.channels), 1))
+    around = compare.readings(_around(compare)) if around is None else around
     tried = [(n, SIZES[n] * rung) for n in names if n != CLAMP_GRIP for rung in RUNGS.get(n, (1.0,))]
-    sets = [{}, {START_GAS: START}, *({n: v} for n, v in tried)]
-    first = compare.readings(sets)
     slips: list[tuple[str, float]] = []
     if CLAMP_GRIP in names:
         tension = compare.channels.index("tension")
-        compare.largest = max(float(table[0, tension].max()) for table in first)
+        compare.largest = max(float(table[0, tension].max()) for table in around)
         slips = [(CLAMP_GRIP, SIZES[CLAMP_GRIP] * rung) for rung in RUNGS[CLAMP_GRIP]]
-    loose = [{n: off + OFF_STEP} for n, off in compare.described.items()]
-    others = compare.readings([*({n: v} for n, v in slips), {MOTION: 1.0}, *STARTS, *loose])
-    begun, last = len(slips) + 1, len(slips) + 1 + len(STARTS)
-    compare.begin([np.concatenate([a[:1], b[begun:last]]) for a, b in zip(first, others, strict=True)])
-    predicted, further = compare.blocks(first), compare.blocks(others)
+    tried = [*tried, *slips]
+    others = compare.readings([*({n: v} for n, v in tried), {MOTION: 1.0}])
+    last = 2 + len(STARTS)
+    compare.begin([np.concatenate([table[:1], table[2:last]]) for table in around])
+    predicted, further = compare.blocks(around), compare.blocks(others)
     sound = predicted[0]
     # As if the stated numbers had been predicted with: their deviations are centred there.
     off_by = np.array([*compare.described.values()])
-    effects_of_numbers = (further[last:] - sound) / OFF_STEP
+    effects_of_numbers = (predicted[last:] - sound) / OFF_STEP
     compare.measured = compare.measured + np.einsum("k,kcb->cb", off_by, effects_of_numbers)
-    tried, changed = [*tried, *slips], np.concatenate([predicted[2:], further[: len(slips)]]) - sound
-    compare.starts = compare.of_each_section(np.concatenate([predicted[1:2], further[begun:last]]) - sound)
-    rough = maximum_filter1d(np.abs(further[len(slips)] - sound), 3, axis=1)
+    changed = further[:-1] - sound
+    compare.starts = compare.of_each_section(predicted[1:last] - sound)
+    rough = maximum_filter1d(np.abs(further[-1] - sound), 3, axis=1)
     compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
     widened = _set_scale(compare, changed, effects_of_numbers, compare.measured - sound)
     compare.loose = effects_of_numbers
