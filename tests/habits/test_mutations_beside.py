@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+
 from mutations_beside import GUARDS_TESTS, PHYSICS_TESTS, SOFTWARE_TESTS
 
 ROOT = Path(__file__).parents[2]
