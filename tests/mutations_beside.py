@@ -59,9 +59,9 @@ SOFTWARE_TESTS = {
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
     "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
-    "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py bench/daq/test_daq_wiring.py",
+    "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py",
     "recordings/recording.py": "recordings/test_recording.py analysis/test_segments.py",
-    "recordings/calibration.py": "recordings/test_calibration.py bench/calibrate/test_estimate.py",
+    "recordings/calibration.py": "recordings/test_calibration.py",
     "recordings/force_map.py": "recordings/test_force_map.py recordings/test_tables_of_others.py "
     "recordings/test_bad_tables.py",
     "recordings/provenance.py": "recordings/test_differences.py recordings/test_conditions.py "
@@ -101,8 +101,6 @@ GUARDS_TESTS = {
     "web/guard.py": "browser/test_connections.py browser/test_screen_security.py",
     "web/live.py": "browser/test_connections.py browser/test_workspace.py",
     "specimens/model.py": "specimens/test_bad_specimens.py",
-    "bench/hardware/serial_line/messages.py": "bench/serial_line/test_serial_frames.py",
-    "bench/hardware/serial_line/microcontroller.py": "bench/serial_line/test_serial_line.py",
     "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",
     "errors.py": "test_quantities.py test_schema.py",

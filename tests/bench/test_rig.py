@@ -152,3 +152,19 @@ def test_what_is_wrong_in_a_rig_is_named_by_its_path(case):
 @pytest.mark.parametrize("value", [0.05, "0.05", "5 %"])
 def test_a_number_of_python_keeps_its_fraction(value):
     assert mk.rig("modern", {"faults.lost_threads": value}).faults.present == {"lost_threads": 0.05}
+
+
+def test_an_accumulator_adds_its_volume_to_the_node_it_is_screwed_to():
+    machine = rig("paper")
+    for one in machine.plumbing.values():
+        bare = one.replace(has_muscle=False, valve_accumulator=0.0, muscle_accumulator=2e-4)
+        full = bare.replace(valve_accumulator=3e-4, muscle_accumulator=4e-4)
+        sizes = [{name: float(getattr(node, "size", 0.0)) for name, node in p.circuit({}, machine.environment).nodes.items()}
+                 for p in (bare, full)]  # fmt: skip
+        added = {name: size - sizes[0][name] for name, size in sizes[1].items()}
+        # differences of volumes of 1e-4 m^3
+        assert added == pytest.approx(
+            {name: {"port": 3e-4, bare.tested: 2e-4}.get(name, 0.0) for name in added}, abs=1e-18
+        )
+        assert "accumulators" in full.parts() and "accumulators" not in bare.replace(muscle_accumulator=0.0).parts()
+        assert full.signals() == (("valve",) if full.shut_off is None else ("valve", "open"))

@@ -14,7 +14,7 @@ from mckibben.estimation import INDIFFERENT, INSEPARABLE, akaike, uncertainty, w
 from mckibben.identification import fit, rank
 from mckibben.identification.fit import ALIKE, SCHEMES, Fit, bound_of, degenerate_words
 from mckibben.identification.problem import CrossValidation
-from mckibben.identification.ranking import Ranking, cautions_of
+from mckibben.identification.ranking import Ranking, _sentence, cautions_of
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
 from mckibben.specimens import specimen
@@ -229,3 +229,15 @@ def test_a_depth_of_the_threads_in_place_of_which_the_diameter_is_fitted_is_assu
 def test_a_fit_of_nothing_says_what_may_be_fitted(table, said) -> None:
     with pytest.raises(InputError, match=said):
         mk.fit(table)
+
+
+@pytest.mark.parametrize(
+    ("clause", "sentence"),
+    [
+        ("the data say it", "The data say it."),
+        ("rest_length is fixed", "rest_length is fixed."),
+        ("A whole one.", "A whole one."),
+    ],
+)
+def test_a_clause_becomes_a_sentence_and_a_name_at_its_head_stays(clause: str, sentence: str) -> None:
+    assert _sentence(clause) == sentence

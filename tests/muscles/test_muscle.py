@@ -157,3 +157,15 @@ def test_a_braid_that_nothing_was_measured_of_is_a_muscle_that_can_be_saved(tmp_
     assert mk.muscle(braid.save(tmp_path / "braid.toml")).law == braid.law
     with pytest.raises(InputError, match="incomplete without diameter, braid_angle"):
         mk.muscle.from_braid(rest_length="300 mm")
+
+
+def test_of_many_lengths_the_longest_is_judged(muscle):
+    for lengths in ([0.12, 1.0], [1.0, 0.12], [0.11, 0.12, 1.0]):
+        with pytest.warns(PlausibilityWarning, match="a length of 100 cm is far from those of this muscle"):
+            muscle.tension(np.array(lengths), 3e5)
+
+
+def test_a_muscle_has_the_title_of_its_specimen_or_of_its_law(muscle):
+    assert muscle.title == muscle.specimen.title != muscle.law.title
+    alone = mk.muscle("ideal", thread_length=0.16, turns=3.2)
+    assert alone.specimen is None and alone.title == alone.law.title

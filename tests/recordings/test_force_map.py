@@ -61,3 +61,10 @@ def test_a_data_frame_has_a_column_for_each_quantity_that_is_known():
         "pressure": [2e5, 4e5],
         "tension": [8.0, 70.0],
     }
+
+
+def test_selected_points_keep_their_name_and_remarks_unless_they_get_another_name():
+    one, other = DOWN.select(np.array([True])), UP.select(np.array([False, True]), "half")
+    assert (one.name, one.remarks, other.name) == ("down", ("row 4 is blank",), "half")
+    assert (other.length.tolist(), other.tension.tolist(), other.branch.tolist()) == ([0.13], [20.0], ["up"])
+    assert one.branch is None and len(UP.select(np.zeros(2, bool))) == 0

@@ -8,7 +8,7 @@ import pytest
 from mckibben import registry
 from mckibben.errors import InputError
 from mckibben.formats import sidecar
-from mckibben.formats.table import Channel, FileFormat, ForeignColumn, ForeignTable
+from mckibben.formats.table import Channel, FileFormat, ForeignColumn, ForeignTable, StoredRecording
 from mckibben.recordings import read_any, read_force_map, write
 
 
@@ -95,3 +95,17 @@ def test_a_damaged_line_is_refused_by_what_is_wrong_in_it(line, said):
 def test_a_place_in_a_file_is_named_by_its_row_or_counted_from_one():
     assert ForeignTable([]).place(0) == ", sample 1"
     assert ForeignTable([], rows=[7, 9]).place(1) == ", row 9"
+
+
+@pytest.mark.parametrize(
+    ("time", "channels", "said"),
+    [
+        ([0.0, 1.0], {"a": Channel([1.0], "N")}, "channel a must have 2 values, as the time has, got 1"),
+        ([1.0, 0.0], {"a": Channel([1.0, 2.0], "N")}, "time"),
+        ([0.0, 1.0], {"a": 3.0}, "channel a must be a Channel"),
+        ([0.0, 1.0], [1.0], "channels must be a mapping"),
+    ],
+)
+def test_what_a_file_holds_of_a_recording_is_checked_as_a_recording_is(time, channels, said):
+    with pytest.raises(InputError, match=said):
+        StoredRecording(np.array(time), channels, {})
