@@ -26,9 +26,7 @@ CONTENTS = {
     "cli": "the command line",
     "web": "the web interface",
     "report": "figures and reports",
-    "benchmarking": "models on measured tasks",
-    "reproduction": "the numbers printed in the papers",
-    "studies": "sizing, comparison, design, fits to published data",
+    "studies": "sizing, comparison, design, tubes",
     "batch": "sweeps of many variants",
     "bench": "rigs, sessions, runs",
     "identification": "fits, intervals, validation",
@@ -64,7 +62,7 @@ CONTENTS = {
 }
 COLOURS = {  # by the uppermost package of a group of layers
     "cli": "#dbe7f3",
-    "reproduction": "#e6e0f0",
+    "studies": "#e6e0f0",
     "bench": "#fbe3d0",
     "assembly": "#dcefdc",
     "components": "#ececec",
@@ -197,7 +195,7 @@ RUN: dict[str, tuple[str, str, float, int, float]] = {
     "bench.hardware.interface": ("bench.hardware.interface", "Hardware: counts of sensors, valve and motor", 0, 5, 2),
     "recordings.recording": ("recordings.recording", "Recording: channels, metadata", 2, 5, 1),
     "bench.hardware.simulated": ("bench.hardware.simulated", "assembly, engine, lanewise", 0, 6, 1),
-    "bench.hardware.serial_line": ("bench.hardware.serial_line, .daq", "and other backends by entry point", 1, 6, 1),
+    "bench.hardware.backends": ("bench.hardware.backends", "real machines by name, of mckibben-hardware", 1, 6, 1),
     "recordings.files": ("recordings.files", "formats: .nc, .csv, .mcap, ..", 2, 6, 1),
 }
 RUN_ARROWS = (
@@ -211,7 +209,7 @@ RUN_ARROWS = (
     ("bench.sample_loop", "bench.recorder"),
     ("bench.sample_loop", "bench.hardware.interface"),
     ("bench.hardware.interface", "bench.hardware.simulated"),
-    ("bench.hardware.interface", "bench.hardware.serial_line"),
+    ("bench.hardware.interface", "bench.hardware.backends"),
     ("bench.recorder", "recordings.recording"),
     ("recordings.recording", "recordings.files"),
 )

@@ -32,9 +32,19 @@ from ._terminal import (
     writable,
 )
 
-SINGULAR = {"columns": "column", "units": "unit"}  # options with the words of all commands
-PAIRS = {"NAME=COLUMN": "force='F [N]'", "NAME=UNIT": "force=N"}  # examples of what is typed of a table
-REMEDIES = {"sheet": "NAME", "rest_length": "'300 mm'", "frequency": "'28 Hz'"}  # values of options that errors ask for
+SINGULAR = {"columns": "column", "units": "unit", "scales": "scale"}  # options with the words of all commands
+PAIRS = {
+    "NAME=COLUMN": "force='F [N]'",
+    "NAME=UNIT": "force=N",
+    "NAME=SCALE": "pressure='2 bar/V'",
+}  # examples of what is typed of a table
+REMEDIES = {
+    "sheet": "NAME",
+    "decimal": ". or --decimal ,",
+    "header": "'NAME [UNIT], ..'",
+    "rest_length": "'300 mm'",
+    "frequency": "'28 Hz'",
+}  # values of options that errors ask for
 
 
 class Shorthand(NamedTuple):
@@ -153,8 +163,9 @@ class VerbCommand:
             expect_cautions(())  # the answer has those about typed values
             writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
             more: list[str] = []  # files that go with those that were named
+            about: list[str] = []  # what is said of files
             for kind, write in writes.items():
-                files.write(kind, functools.partial(_written, write, answer, more))
+                files.write(kind, functools.partial(_written, write, answer, more, about))
             for name, path in beside.items():
                 if path is not None:
                     self.written[name].write(answer, path)
@@ -164,6 +175,8 @@ class VerbCommand:
             content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
             if more:
                 content["files"] = more
+            if about:
+                content["about_files"] = [named(one, self._called) for one in about]
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
             files.write_result(content)
@@ -175,6 +188,8 @@ class VerbCommand:
                 named_paths = [str(path) for path in files.named()]
                 for path in (*filter(None, beside.values()), *(one for one in more if one not in named_paths)):
                     typer.echo(f"Written: {path}")
+                for sentence in content.get("about_files", ()):
+                    typer.echo(sentence)
         if failure:
             typer.echo(f"{program(31)}: {failure}", err=True)
         if failure is not None:
@@ -300,10 +315,13 @@ def _options(command: VerbCommand) -> dict[str, inspect.Parameter]:
     return {p.name: p for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in ("out", "as_json")}
 
 
-def _written(write: Callable[[Any, Path], object], answer: Answer, more: list[str], path: Path) -> None:
-    """Write a file; `more` gets the names of all where there are several."""
-    several = write(answer, path)
-    more += [str(one) for one in several] if isinstance(several, list) else []
+def _written(
+    write: Callable[[Any, Path], object], answer: Answer, more: list[str], about: list[str], path: Path
+) -> None:
+    """Write a file; `more` gets the names of all where there are several, `about` the sentence about it if there is one."""
+    said = write(answer, path)
+    more += [str(one) for one in said] if isinstance(said, list) else []
+    about += [f"{path}: {said}"] if isinstance(said, str) and said else []
 
 
 def _optional(p: inspect.Parameter) -> inspect.Parameter:

@@ -70,10 +70,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
     "device": ("", "Check a test machine before its first run, or serve a simulated one on a virtual serial port."),
     "device check": (
-        "device:check",
+        "hardware",
         "Check that each sensor answers valve and motor: sign, scale, noise, range, delay; and that the machine vents.",
     ),
-    "device serve": ("device:serve", "Serve a simulated test machine on a virtual serial port."),
+    "device serve": ("hardware", "Serve a simulated test machine on a virtual serial port."),
     "characterise": (
         "characterise:characterise",
         "Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.",
@@ -84,7 +84,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compare muscles with each other, and with published biological muscle.",
     ),
     "reproduce": (
-        "reproduce:reproduce_papers",
+        "papers",
         "Compute the papers' numbers and report whether each value is reproduced.",
     ),
     "diagnose": (
@@ -92,7 +92,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Find a fault of a rig from a recording of its normal operation.",
     ),
     "benchmark": (
-        "benchmark:run_benchmark",
+        "benchmark",
         "Train models on measured tasks, and score their predictions of what they were not shown.",
     ),
     "parts": ("parts:list_parts", "List valves, tubes, gas sources, laws and muscles with numbers, units and sources."),
@@ -158,14 +158,14 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Write a report of a recording: figures, balances, parameters, references.",
     ),
     "calibrate": ("", "Calibrate the channels of a rig, show a calibration, or apply it to a recording."),
-    "calibrate zero": ("calibrate:zero", "Calibrate the zeros of channels without load and pressure."),
-    "calibrate weights": ("calibrate:weights", "Calibrate a load cell with dead weights, up and down."),
-    "calibrate pressure": ("calibrate:pressure", "Calibrate pressure sensors with a reference gauge."),
+    "calibrate zero": ("hardware", "Calibrate the zeros of channels without load and pressure."),
+    "calibrate weights": ("hardware", "Calibrate a load cell with dead weights, up and down."),
+    "calibrate pressure": ("hardware", "Calibrate pressure sensors with a reference gauge."),
     "calibrate encoder": (
-        "calibrate:encoder",
+        "hardware",
         "Calibrate the encoder with known travels, such as those of gauge blocks.",
     ),
-    "calibrate skew": ("calibrate:skew", "Calibrate the lag of channels behind the first one, from a common signal."),
+    "calibrate skew": ("hardware", "Calibrate the lag of channels behind the first one, from a common signal."),
     "calibrate show": ("calibration:show", "Show a calibration: values, 95 % intervals, origin and age."),
     "calibrate apply": ("calibration:apply", "Apply a calibration to a recording in place of the one it carries."),
     "study": ("", "Run the studies of tubes, a robot, loops and all laws."),
@@ -174,12 +174,12 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compare lumped models of a tube with the distributed one, claim by claim.",
     ),
     "study robot": (
-        "verb_commands:study_robot",
+        "benchmark",
         "Fit the air of a jumping robot to some of its jumps, and predict the others.",
     ),
-    "study loops": ("verb_commands:study_loops", "Predict half of a muscle's loop and creep from the other half."),
+    "study loops": ("benchmark", "Predict half of a muscle's loop and creep from the other half."),
     "study validation": (
-        "verb_commands:study_validation",
+        "benchmark",
         "Fit every tension law to every data set, and cross-validate it.",
     ),
     "completion": (
@@ -218,7 +218,7 @@ class CommandTable(Mapping[str, Any]):
                 context_settings=NAMES,
             )
         if place in PACKAGES:
-            run = announced("mckibben.commands", words, place, f"mckibben {words} needs")
+            run = announced("mckibben.commands", words.replace(" ", "-"), place, f"mckibben {words} needs")
         else:
             module, _, function = place.partition(":")
             run = getattr(importlib.import_module(f".{module}", __package__), function)

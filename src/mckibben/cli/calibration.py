@@ -1,4 +1,4 @@
-"""``calibrate show`` and ``calibrate apply``, and the output at the end of a calibration."""
+"""``calibrate show`` and ``calibrate apply``."""
 
 from __future__ import annotations
 
@@ -8,24 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import recordings
-from ..bench import calibrate
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
 from ..recordings import calibration as calibration_module
+from ..recordings import calibration_file
 from ._outputs import KEPT_RECORDING, OBJECT, OutputFiles, OutputKinds, Paths, write_recording
 from ._terminal import Json, print_json, table
 
 if TYPE_CHECKING:
     import datetime
 
-    from ..bench.calibrate.session import CalibrationOutcome
     from ..recordings.calibration import Calibration, Correction
 
 
 SHOWN = OutputKinds(result=OBJECT)
 APPLIED = OutputKinds(recording=KEPT_RECORDING)
-POINTS = 40  # rows of points that a person is shown
 UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 
 
@@ -53,7 +51,7 @@ def show(
             "rig": whole.rig,
             "created": whole.created,
             "expired": list(whole.expired(now)),
-            "channels": {name: _told(one, now) for name, one in whole.corrections.items()},
+            "channels": {name: correction_content(one, now) for name, one in whole.corrections.items()},
         }
         files.write_result(content)
         if as_json:
@@ -74,7 +72,9 @@ def _print(whole: Calibration, now: datetime.datetime) -> None:
                 age = f"{(now - calibration_module.moment(origin.date)).total_seconds() / 86400.0:.0f} days"
                 until = "for ever" if origin.expires is None else f"{origin.expires:%Y-%m-%d}"
                 by = f"{origin.method}, {origin.reference}" if origin.reference else origin.method
-            rows.append([name, key, *_shown(one, key), by, one.sensor, age, until, "EXPIRED" if key in over else ""])
+            rows.append(
+                [name, key, *term_and_interval(one, key), by, one.sensor, age, until, "EXPIRED" if key in over else ""]
+            )
     columns = ["channel", "", "value", "+- 95 %", "by", "sensor", "age", "valid until", ""]
     table(f"Calibration of the rig {whole.rig}, {whole.created}", columns, rows, right=[2, 3])
     for sentence in whole.expired(now):
@@ -114,7 +114,7 @@ def _apply(
         )
     if off and skew:
         raise InputError("--skew", None, "is allowed only beside --calibration")
-    new = None if calibration is None else calibrate.session.read_calibration(calibration)
+    new = None if calibration is None else calibration_file.read_calibration(calibration)
     known = recordings.read_recording(recording)
     try:
         done = calibration_module.recalibrate(known, new, skew=skew)
@@ -145,57 +145,10 @@ def _apply(
         typer.echo(f"Note: {note}")
 
 
-def say_outcome(
-    whole: Calibration, outcome: CalibrationOutcome, out: Path | None, notes: list[str]
-) -> dict[str, JsonValue]:
-    """Convert the result of a session to JSON."""
-    now = _now()
-    points = {
-        name: [
-            {"true": p.true, "indicated": p.reading.mean, "scatter": p.reading.scatter}
-            | ({"residual": float(outcome.lines[name].residuals[i])} if name in outcome.lines else {})
-            for i, p in enumerate(some)
-        ]
-        for name, some in outcome.points.items()
-    }
-    return {
-        "file": None if out is None else str(out),
-        "rig": whole.rig,
-        "warnings": notes,
-        "channels": {name: _told(one, now) for name, one in outcome.corrections.items()},
-        "points": points,
-        "hysteresis": {name: one.hysteresis for name, one in outcome.lines.items()},
-        "misfit": {name: one.misfit for name, one in outcome.lines.items()},
-    }
-
-
-def print_outcome(whole: Calibration, outcome: CalibrationOutcome, out: Path | None, notes: list[str]) -> None:
-    """Print the result of a session."""
-    rows = []
-    for name, some in outcome.points.items():
-        unit = outcome.corrections[name].unit
-        for i, p in enumerate(some[:POINTS]):
-            left = with_unit(float(outcome.lines[name].residuals[i]), unit, 3) if name in outcome.lines else ""
-            rows.append([name, with_unit(p.true, unit, 6), with_unit(p.reading.mean, unit, 7), left])
-    if rows:
-        table("", ["channel", "true", "indicated", "left"], rows, right=[1, 2, 3])
-        typer.echo("")
-    terms = [[name, key, *_shown(one, key)] for name, one in outcome.corrections.items() for key in one.terms]
-    table("", ["channel", "", "value", "+- 95 %"], terms, right=[2, 3])
-    for name, line in outcome.lines.items():
-        unit = outcome.corrections[name].unit
-        words = f"from the line at most {with_unit(line.linearity, unit, 3)}"
-        typer.echo(f"{name}: {words}, between up and down at most {with_unit(line.hysteresis, unit, 3)}.")
-    for note in notes:
-        typer.echo(f"Note: {note}")
-    if out is not None:
-        typer.echo(f"Written: {out}, of {', '.join(whole.corrections)}")
-
-
 def _known(file: Path) -> Calibration:
 
     if file.suffix.lower() == ".toml":
-        return calibrate.session.read_calibration(file)
+        return calibration_file.read_calibration(file)
     try:
         calibration = calibration_module.carried(recordings.read_recording(file))
     except InputError as error:
@@ -205,7 +158,7 @@ def _known(file: Path) -> Calibration:
     return calibration
 
 
-def _told(one: Correction, now: datetime.datetime) -> dict[str, JsonValue]:
+def correction_content(one: Correction, now: datetime.datetime) -> dict[str, JsonValue]:
     """Convert a correction to JSON: every term with its interval, its origin and whether it has expired."""
     over = one.expired(now)
     out: dict[str, Any] = {
@@ -228,7 +181,7 @@ def _told(one: Correction, now: datetime.datetime) -> dict[str, JsonValue]:
     return out
 
 
-def _shown(one: Correction, key: str) -> list[str]:
+def term_and_interval(one: Correction, key: str) -> list[str]:
     """Value of a term and half its interval, formatted."""
     term = one.terms[key]
     low, high = term.interval()
