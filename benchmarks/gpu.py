@@ -23,14 +23,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import jax
 import numpy as np
 
 import lanewise
 import mckibben as mk
 from lanewise.errors import UnavailableError
 from mckibben import hosts
+from mckibben.simulation.stepping import step_vectors
 
 PERIOD, COMPARED, LANES = 10e-3, 4096, 262_144
+ROLLOUTS, SAMPLES = 16_384, 10  # runs of some samples with their derivatives by all commands
+VARIANTS = 1_048_576
 ROUNDS = 3
 TARGETS = {"float64": 2e10, "float32": 5e10}  # muscle-steps per second
 REALS = ("float64", "float32")
@@ -70,6 +74,39 @@ def differentiated(example: Example) -> tuple[lanewise.Program, list[Any]]:
     count = len(example.simulation.commands)
     directions = np.eye(count)
     return lanewise.tangents(example.program, [2], count), [*example.values, directions]
+
+
+def rollouts(lanes: int) -> tuple[lanewise.Program, list[Any]]:
+    """Runs of `SAMPLES` samples with the derivatives of the sum of what they show by all commands, and the arguments."""
+    example = Example(lanes)
+    simulation, (parameters, carries, commands, *_) = example.simulation, example.values
+    layouts, inner = simulation.programs.layouts, simulation.inner
+
+    def run(plant: Any, carry: Any, commands: Any) -> Any:
+        def step(carry: Any, now: Any) -> Any:
+            return step_vectors(layouts, False, plant, carry, now, PERIOD, inner)
+
+        return jax.lax.scan(step, carry, commands)[1].sum(axis=0)
+
+    table = np.repeat(commands[None], SAMPLES, axis=0)
+    program, _ = lanewise.lower(run, parameters, carries[:, 0], table[..., 0])
+    adjoint = lanewise.adjoint(program, [2])
+    return adjoint, [parameters, carries, table, np.ones(adjoint.arguments[3].shape)]
+
+
+def measure_many(gpu: Any) -> dict[str, Any]:
+    """Derivatives of many runs, and a sample of a million variants with the copying of their arguments."""
+    found: dict[str, Any] = {}
+    adjoint, values = rollouts(ROLLOUTS)
+    for real in REALS:
+        seconds = on_gpu(lanewise.to_gpu(adjoint), values, ROLLOUTS, real, "default")
+        found[f"GPU, {ROLLOUTS} rollouts of {SAMPLES} samples with derivatives, {real} [s]"] = seconds
+        example = Example(VARIANTS)
+        swept = example.swept()
+        began = time.perf_counter()
+        gpu.call(swept, lanes=VARIANTS, real=real)
+        found[f"GPU, a sample of {VARIANTS} variants, {real}, wall clock [s]"] = time.perf_counter() - began
+    return found
 
 
 def away(ours: list[Any], theirs: list[Any]) -> dict[str, float]:
@@ -144,7 +181,7 @@ def measure_gpu(lanes: int) -> dict[str, Any]:
     program, values = differentiated(many)
     seconds = on_gpu(lanewise.to_gpu(program), values, lanes, "float64", "default")
     found["GPU, derivatives by the commands, float64 [muscle-steps/s]"] = many.steps / seconds
-    return found
+    return found | measure_many(gpu)
 
 
 def warp_module(folder: Path) -> ModuleType | None:

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef void (*kernel)(uint64_t memory, uint64_t scratch, uint64_t stride, uint64_t last, unsigned blocks, unsigned threads);
+typedef void (*kernel)(void **parameters, unsigned blocks, unsigned threads);
 
 int fake_devices = 1, fake_capability = 90, fake_fails = 0, fake_bad_text = 0;
 size_t fake_free = 1 << 30;
 int64_t fake_held = 0, fake_most = 0, fake_launches = 0, fake_events = 0;
-kernel fake_kernel = NULL;
+kernel fake_kernel = NULL, fake_first = NULL;
 static int current = 0;
 
 int cuInit(unsigned flags) { return flags != 0; }
@@ -24,14 +24,14 @@ int cuDeviceGetName(char *name, int size, int device)
 }
 int cuDeviceGetAttribute(int *value, int attribute, int device)
 {
-    *value = attribute == 75 ? fake_capability / 10 : fake_capability % 10;
-    return device < 40 || attribute < 75 || attribute > 76;
+    *value = attribute == 16 ? 1 : attribute == 75 ? fake_capability / 10 : fake_capability % 10;
+    return device < 40 || (attribute != 16 && attribute != 75 && attribute != 76);
 }
 int cuDevicePrimaryCtxRetain(void **context, int device) { *context = (void *)(uintptr_t)(device + 100); return device < 40; }
 int cuCtxSetCurrent(void *context) { current = (uintptr_t)context == 140; return !current; }
 int cuModuleLoadDataEx(void **module, const char *text, unsigned count, const int *options, void **values)
 {
-    if (!current || count != 2 || options[0] != 5 || options[1] != 6 || !strstr(text, ".entry lanes"))
+    if (!current || count < 2 || options[0] != 5 || options[1] != 6 || (count == 3 && options[2] != 0) || count > 3 || !strstr(text, ".entry lanes"))
         return 1;
     if (fake_bad_text) {
         strncpy(values[0], "line 7: no such\n instruction", (size_t)(uintptr_t)values[1]);
@@ -42,8 +42,8 @@ int cuModuleLoadDataEx(void **module, const char *text, unsigned count, const in
 }
 int cuModuleGetFunction(void **function, void *module, const char *name)
 {
-    *function = (void *)2;
-    return module != (void *)1 || strcmp(name, "lanes") != 0;
+    *function = strcmp(name, "lanes") == 0 ? (void *)2 : (void *)3;
+    return module != (void *)1 || (strcmp(name, "lanes") != 0 && strcmp(name, "uniforms_of_all") != 0);
 }
 int cuMemGetInfo_v2(size_t *free_bytes, size_t *total) { *free_bytes = fake_free; *total = 1 << 30; return 0; }
 int cuMemAlloc_v2(uint64_t *address, size_t size)
@@ -72,10 +72,12 @@ int cuMemcpyDtoH_v2(void *to, uint64_t from, size_t size) { memcpy(to, (const vo
 int cuLaunchKernel(void *function, unsigned bx, unsigned by, unsigned bz, unsigned tx, unsigned ty, unsigned tz, unsigned shared,
                    void *stream, void **parameters, void **extra)
 {
-    if (function != (void *)2 || by != 1 || bz != 1 || ty != 1 || tz != 1 || shared || stream || extra || !fake_kernel)
+    kernel called = function == (void *)2 ? fake_kernel : function == (void *)3 ? fake_first : NULL;
+    if (by != 1 || bz != 1 || ty != 1 || tz != 1 || shared || stream || extra || !called)
         return 1;
-    ++fake_launches;
-    fake_kernel(*(uint64_t *)parameters[0], *(uint64_t *)parameters[1], *(uint64_t *)parameters[2], *(uint64_t *)parameters[3], bx, tx);
+    if (called == fake_kernel)
+        ++fake_launches;
+    called(parameters, bx, tx);
     return 0;
 }
 int cuEventCreate(void **event, unsigned flags) { *event = malloc(1); ++fake_events; return flags != 0; }

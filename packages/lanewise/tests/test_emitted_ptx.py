@@ -20,7 +20,9 @@ import pytest
 import lanewise
 from c_programs import COMPILER, same_bits
 from lanewise import ArgumentError, DriverError, LanewiseError, Program, UnavailableError, _gpu, _kernel, lower, to_gpu
+from lanewise._analysis import most_held, order_for_registers
 from lanewise._gpu import OWN, compile_ptx, gpu_assembly
+from lanewise._graph import Node
 from lowered_examples import CASES, arguments_of, orbit_program, orbit_values, program
 
 ASSEMBLER = shutil.which("ptxas") or next(map(str, Path(np.__file__).parents[1].glob("nvidia/*/bin/ptxas")), None)
@@ -82,6 +84,42 @@ def test_the_loops_stay_loops() -> None:
     assert lengths[0] == lengths[1]
 
 
+def test_what_all_lanes_share_is_read_as_an_argument() -> None:
+    made = orbit_program()
+    differs = frozenset({len(made.arguments) - 1})  # commands; all parameters are shared
+    whole, parted = (gpu_assembly(made, differs, parted=parted) for parted in (False, True))
+    assert whole[1]["uniforms"] == 0 < parted[1]["uniforms"] <= _gpu.UNIFORMS
+    texts = [compile_ptx(text) for text, _ in (whole, parted)]
+    entries = [re.findall(r"\.entry (\w+)", text) for text in texts]
+    assert entries == [["lanes"], ["uniforms_of_all", "lanes"]]
+    lanes = texts[1][texts[1].index(".entry lanes") :]
+    # shared parameters are not loaded in each lane any more, and no table of pointers is left in a thread's own memory
+    assert operations(lanes)["ld.global.b64"] < operations(texts[0])["ld.global.b64"]
+    assert ".local" not in texts[1]
+
+
+def test_nodes_are_ordered_to_hold_fewer_values() -> None:
+    made = orbit_program()
+    graph, plan = made.prepared("default", "float64")
+    held = {node for node in plan.live.nodes if node.kind == "real" and node.op != "const"}
+    ordered = order_for_registers(plan, held)
+    assert most_held(ordered, held) <= most_held(plan, held)
+    for loop, body in plan.bodies.items():
+        place = {entry: k for k, entry in enumerate(ordered.bodies[loop])}
+        assert sorted(map(id, body)) == sorted(map(id, ordered.bodies[loop]))  # the same entries, each once
+        for entry, k in place.items():
+            needs = entry.args if isinstance(entry, Node) else ()
+            assert all(place[a] < k for a in needs if a in place)  # after what it needs
+
+
+def test_few_lanes_are_spread_over_all_multiprocessors() -> None:
+    kernel = object.__new__(_gpu.GpuKernel)
+    kernel.device, kernel.registers = _gpu.Device(0, "", (9, 0), 132), 128
+    assert [kernel.block_of(n) for n in (1, 4096, 16384, 10**6)] == [32, 32, 128, 512]
+    kernel.registers = 0
+    assert kernel.block_of(10**6) == 64
+
+
 def _running(samples: int) -> tuple[Any, ...]:
     function, (x, _) = CASES["loops"]
     return function, x, np.linspace(-1.0, 2.0, samples)
@@ -129,22 +167,34 @@ class Fake:
             text = text.replace(f"declare i32 {sreg}", f"define i32 @own{k}() {{\n {read}}}").replace(
                 sreg, f"@own{k}()"
             )
-        text = re.sub(r"^target triple.*$", "", text, flags=re.M).replace("define ptx_kernel", "define")
+        by_value = "byval(" in text
+        text = re.sub(r"^target triple.*$|byval\(\[\d+ x i8\]\) align 8 ", "", text, flags=re.M)
+        text = text.replace("define ptx_kernel", "define")
         binding = _kernel.llvm()
         engine = binding.create_mcjit_compiler(binding.parse_assembly(head + text), _kernel.target_machine())
         engine.finalize_object()
         place = (ctypes.c_int32 * 3).from_address(engine.get_global_value_address("place"))
-        one = ctypes.CFUNCTYPE(None, *(ctypes.c_uint64,) * 4)(engine.get_function_address("lanes"))
+        self.keep.append(engine)
+        for entry, variable, integers in (("lanes", "kernel", 4), ("uniforms_of_all", "first", 3)):
+            if f"@{entry}(" in text:
+                self.launcher(variable, engine.get_function_address(entry), integers, place, by_value)
 
-        @ctypes.CFUNCTYPE(None, *(ctypes.c_uint64,) * 4, ctypes.c_uint, ctypes.c_uint)
-        def launched(memory: int, scratch: int, stride: int, last: int, blocks: int, threads: int) -> None:
+    def launcher(self, variable: str, address: int, integers: int, place: Any, by_value: bool) -> None:
+        """Set what a launch of an entry calls: it for each thread, with its integers and the address of bytes by value."""
+        one = ctypes.CFUNCTYPE(None, *(ctypes.c_uint64,) * 5)(address)
+
+        @ctypes.CFUNCTYPE(None, ctypes.POINTER(ctypes.c_void_p), ctypes.c_uint, ctypes.c_uint)
+        def launched(parameters: Any, blocks: int, threads: int) -> None:
+            given = [ctypes.c_uint64.from_address(parameters[k]).value for k in range(integers)]
+            given.append(parameters[4] if variable == "kernel" and by_value else 0)
             for block in range(blocks):
                 for thread in range(threads):
                     place[0], place[1], place[2] = thread, block, threads
-                    one(memory, scratch, stride, last)
+                    one(*given, *(0,) * (5 - len(given)))
 
-        ctypes.c_void_p.in_dll(self.library, "fake_kernel").value = ctypes.cast(launched, ctypes.c_void_p).value
-        self.keep += [engine, one, launched]
+        where = ctypes.c_void_p.in_dll(self.library, f"fake_{variable}")
+        where.value = ctypes.cast(launched, ctypes.c_void_p).value
+        self.keep += [one, launched]
 
 
 @pytest.fixture(scope="module")
@@ -208,7 +258,8 @@ def test_an_orbit_in_chunks(lanes: int, most: int | None, launches: int, fake: F
     assert fake.number("held").value == 0  # all memory was given back
     assert fake.number("events").value == 0
     (kernel,) = there._kernels.values()
-    assert kernel.seconds == pytest.approx(2e-3 * launches)  # the driver's clock, 2 ms for each launch
+    # the driver's clock, 2 ms for each launch, and for that of what all lanes share
+    assert kernel.seconds == pytest.approx(2e-3 * (launches + 1))
 
 
 @compiled

@@ -9,8 +9,11 @@ several trips at once. `rewrite` makes the live part of a graph again by a rule.
 from __future__ import annotations
 
 import dataclasses
+import heapq
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ._graph import DOUBLE, Buffer, Graph, Loop, Node, Store
@@ -427,6 +430,94 @@ class _Order:
 
 
 # ---- divergence
+
+
+def order_for_registers(plan: Schedule, held: Collection[Node]) -> Schedule:
+    """Order the nodes in loops again, each time one of those that free the most values, so that fewer are held at once.
+
+    Args:
+        plan: the order so far, which decides among equals.
+        held: values that take a register each.
+    """
+    bodies = {}
+    for loop, body in plan.bodies.items():
+        bodies[loop] = list[Entry]()
+        for moves, run in itertools.groupby(body, lambda entry: isinstance(entry, Node) and entry.op != "table"):
+            entries = list(run)
+            bodies[loop] += _fewest_held(entries, _uses_outside(plan, loop, entries), held) if moves else entries
+    return plan._replace(bodies=bodies)
+
+
+def most_held(plan: Schedule, held: Collection[Node]) -> int:
+    """How many values are held at once in a trip of a loop, at most; what only other loops need is not counted."""
+    most = 0
+    for loop, body in plan.bodies.items():
+        nodes = [entry for entry in body if isinstance(entry, Node)]
+        left: Counter[Node] = Counter(a for node in nodes for a in set(node.args) if a in held)
+        outside = {n for n in left if plan.home.get(n) is not loop}
+        lasting = outside | {loop.nexts[k] for k in plan.live.carried[loop]}
+        now = len(outside | {n for n in (loop.phis[k] for k in plan.live.carried[loop]) if n in held})
+        for node in nodes:
+            now += node in held
+            most = max(most, now)
+            for a in set(node.args):
+                left[a] -= 1
+                now -= left[a] == 0 and a in held and a not in lasting
+    return most
+
+
+def _uses_outside(plan: Schedule, loop: Loop, entries: Sequence[Entry]) -> set[Node]:
+    """Values that something else than these entries of a loop needs, or the next trip."""
+    nodes = set(entries)
+    kept = {loop.nexts[k] for k in plan.live.carried[loop]} | {
+        n for n in plan.live.nodes if plan.home.get(n) is not loop
+    }
+    for entry in plan.bodies[loop]:
+        if isinstance(entry, Node):
+            kept |= set(entry.args) if entry not in nodes else set()
+        elif isinstance(entry, Store):
+            kept |= {entry.value} | ({entry.index} if entry.index is not None else set())
+        else:
+            kept |= {
+                *entry.inits,
+                *(n for inside in plan.bodies[entry] if isinstance(inside, Node) for n in inside.args),
+            }
+    return kept
+
+
+def _fewest_held(entries: list[Any], kept: set[Node], held: Collection[Node]) -> list[Any]:
+    place = {node: k for k, node in enumerate(entries)}
+    users: dict[Node, set[Node]] = {}
+    for node in entries:
+        for a in node.args:
+            users.setdefault(a, set()).add(node)
+    missing = {node: sum(a in place for a in set(node.args)) for node in entries}
+    frees = {node: -int(node in held) for node in entries}
+    single = [next(iter(u)) for a, u in users.items() if len(u) == 1 and a in held and a not in kept]
+    for node in single:
+        frees[node] += 1
+    ready = [(-frees[node], place[node], node) for node in entries if not missing[node]]
+    heapq.heapify(ready)
+    order: list[Any] = []
+    done = set[Node]()
+    while ready:
+        score, _, node = heapq.heappop(ready)
+        if node in done or score != -frees[node]:
+            continue  # it stands in the heap once more, with what it frees now
+        done.add(node)
+        order.append(node)
+        for a in set(node.args):
+            users[a].discard(node)
+            if len(users[a]) == 1 and a in held and a not in kept:
+                (last,) = users[a]
+                frees[last] += 1
+                if not missing[last]:
+                    heapq.heappush(ready, (-frees[last], place[last], last))
+        for user in users.get(node, set()):
+            missing[user] -= 1
+            if not missing[user]:
+                heapq.heappush(ready, (-frees[user], place[user], user))
+    return order
 
 
 class Divergence(NamedTuple):

@@ -10,8 +10,13 @@ The text is that of `_kernel` for blocks of a single lane; only an entry is put 
 
     lanes(ptr memory, ptr scratch, i64 stride, i64 last)
 
-does the lanes below `last`. All slots stand in one piece of memory: first what is one value for all lanes, then the
-others, each as on the processor, [.., stride], so that neighbouring threads read and write side by side; see `MemoryLayout`.
+does the lanes below `last`. What all lanes share (numbers that follow from shared arguments alone, and in float64 long
+constants) takes registers in every thread, of which a step of a muscle has too few. A kernel of this module therefore has
+another entry, ``uniforms_of_all``, which writes these numbers once per call; they are the last argument of ``lanes``, by
+value, which a GPU reads as fast as registers. `to_ptx` writes a single entry that makes them itself.
+
+All slots stand in one piece of memory: first what is one value for all lanes, then the others, each as on the processor,
+[.., stride], so that neighbouring threads read and write side by side; see `MemoryLayout`.
 Scratch memory up to `OWN` bytes is a thread's own; beyond that the caller brings it for each lane in one piece, so that
 neighbouring threads do not write side by side there, and reach only a part of the memory's speed.
 
@@ -21,8 +26,9 @@ processor. Mode ``fast`` takes reciprocals together in float64, see `_passes`, a
 and roots, within 2 units in the last place for common numbers.
 
 NVIDIA's ptxas assembles the PTX for sm_80 and sm_90, and the text it is made from is run on the processor, entry and index
-arithmetic included, by a stand-in for the driver. On an H200 the tests that need a GPU passed, and a
-system of 2,400 lines of PTX had the same bits as on the processor in every result of 4,096 lanes, in float64 and float32.
+arithmetic included, by a stand-in for the driver. On an H200 a step of 3,400 lines of PTX had the same bits as on the
+processor in every result of 4,096 lanes, in float64 and float32, with shared parameters and with those of each lane; so
+had the adjoint of ten samples.
 """
 
 from __future__ import annotations
@@ -40,7 +46,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._analysis import find_divergence
+from ._analysis import find_divergence, most_held, order_for_registers
 from ._kernel import Kernel, Slot, cache_key, emit, llvm
 from ._program import Program
 from .cache import load_or_make
@@ -48,8 +54,12 @@ from .errors import ArgumentError, DriverError, UnavailableError
 
 VARIABLE = "LANEWISE_GPU_DRIVER"  # a library to load in the place of the driver's
 NAMES = {"win32": ("nvcuda.dll",)}.get(sys.platform, ("libcuda.so.1", "libcuda.so"))
-MAJOR, MINOR = 75, 76  # attributes of a device
-LOG, LOG_SIZE = 5, 6  # options of loading: where errors are written, and how much of them
+PROCESSORS, MAJOR, MINOR = 16, 75, 76  # attributes of a device
+REGISTERS, LOG, LOG_SIZE = (
+    0,
+    5,
+    6,
+)  # options of loading: registers of a thread, where errors are written, and how much of them
 SPACE = 8192  # for them
 CALLS: dict[str, Sequence[Any]] = {
     "cuInit": (c_uint,),
@@ -77,11 +87,12 @@ CALLS: dict[str, Sequence[Any]] = {
 
 
 class Device(NamedTuple):
-    """A GPU: its number, name, and compute capability."""
+    """A GPU: its number, name, compute capability, and number of multiprocessors."""
 
     number: int
     name: str
     capability: tuple[int, int]
+    processors: int
 
 
 @functools.cache
@@ -130,7 +141,7 @@ def devices() -> list[Device]:
     Raises:
         UnavailableError: if there is no driver, or it finds none; says which in one line.
     """
-    count, number, major, minor = c_int(), c_int(), c_int(), c_int()
+    count, number, major, minor, processors = c_int(), c_int(), c_int(), c_int(), c_int()
     call("cuDeviceGetCount", byref(count))
     gpus = []
     for k in range(count.value):
@@ -139,7 +150,9 @@ def devices() -> list[Device]:
         call("cuDeviceGetName", text, len(text), number.value)
         call("cuDeviceGetAttribute", byref(major), MAJOR, number.value)
         call("cuDeviceGetAttribute", byref(minor), MINOR, number.value)
-        gpus.append(Device(number.value, text.value.decode(errors="replace"), (major.value, minor.value)))
+        call("cuDeviceGetAttribute", byref(processors), PROCESSORS, number.value)
+        name, capability = text.value.decode(errors="replace"), (major.value, minor.value)
+        gpus.append(Device(number.value, name, capability, processors.value))
     if not gpus:
         raise UnavailableError("No GPU: the driver is there, but it finds no device.")
     return gpus
@@ -157,19 +170,27 @@ def use_device(device: Device) -> None:
     call("cuCtxSetCurrent", _context(os.environ.get(VARIABLE), device.number))
 
 
-def load_ptx(text: str, entry: str) -> c_void_p:
-    """A function of PTX, compiled by the driver (which keeps what it compiled) for the device in use."""
+def load_ptx(text: str, entries: Sequence[str], registers: int = 0) -> list[c_void_p]:
+    """Functions of PTX, compiled by the driver (which keeps what it compiled) for the device in use.
+
+    Args:
+        text: the PTX.
+        entries: names of the functions.
+        registers: of a thread, at most; 0 leaves the number to the driver.
+    """
     log = ctypes.create_string_buffer(SPACE)
-    options = (c_int * 2)(LOG, LOG_SIZE)
-    values = (c_void_p * 2)(ctypes.addressof(log), SPACE)
-    module, function = c_void_p(), c_void_p()
+    chosen = {LOG: ctypes.addressof(log), LOG_SIZE: SPACE} | ({REGISTERS: registers} if registers else {})
+    options, values = (c_int * len(chosen))(*chosen), (c_void_p * len(chosen))(*chosen.values())
+    module = c_void_p()
     try:
-        call("cuModuleLoadDataEx", byref(module), text.encode(), 2, options, values)
+        call("cuModuleLoadDataEx", byref(module), text.encode(), len(chosen), options, values)
     except DriverError as error:
         words = " ".join(log.value.decode(errors="replace").split())
         raise DriverError(f"{error} {words}".strip()) from None
-    call("cuModuleGetFunction", byref(function), module, entry.encode())
-    return function
+    functions = [c_void_p() for _ in entries]
+    for function, entry in zip(functions, entries, strict=True):
+        call("cuModuleGetFunction", byref(function), module, entry.encode())
+    return functions
 
 
 def free_memory() -> int:
@@ -202,10 +223,11 @@ def copy_from_device(array: np.ndarray, address: int) -> None:
         call("cuMemcpyDtoH_v2", array.ctypes.data, address, array.nbytes)
 
 
-def launch(function: c_void_p, blocks: int, threads: int, *values: int) -> float:
-    """Run a function with 64-bit arguments and wait for it; returns the seconds that the device took."""
-    held = [c_uint64(v) for v in values]
-    pointers = (c_void_p * len(held))(*map(ctypes.addressof, held))
+def launch(function: c_void_p, blocks: int, threads: int, *values: int | np.ndarray) -> float:
+    """Run a function with 64-bit arguments, or bytes by value, and wait for it; returns the seconds that the device took."""
+    held = [v if isinstance(v, np.ndarray) else c_uint64(v) for v in values]
+    places = [v.ctypes.data if isinstance(v, np.ndarray) else ctypes.addressof(v) for v in held]
+    pointers = (c_void_p * len(held))(*places)
     begin, end = c_void_p(), c_void_p()
     call("cuEventCreate", byref(begin), 0)
     call("cuEventCreate", byref(end), 0)
@@ -228,7 +250,17 @@ def launch(function: c_void_p, blocks: int, threads: int, *values: int) -> float
 OLDEST, USUAL = (6, 0), (8, 0)  # compute capabilities; PTX for the usual one runs on all later ones
 VERSION = "+ptx70"  # read by drivers since CUDA 11
 OWN = 1024  # bytes of scratch memory that a thread has for itself; the driver sets them aside for all threads a GPU can hold
-ENTRY = "lanes"
+ENTRY, FIRST = "lanes", "uniforms_of_all"
+WARP = 32  # threads that do the same at a time
+ALL_REGISTERS = 255  # that a thread may have
+# Measured on an H200, see docs/explanation/kernels.md: with 128 registers of a thread a multiprocessor has room for 512,
+# enough for some to compute while others wait; in one block these stay close to each other, and read the same instructions.
+# Where a step holds more than a thread may have, as with reciprocals taken together and on the way back of an adjoint, the
+# rest goes through memory, and few threads with all registers are faster.
+MOST_REGISTERS, MOST_THREADS, FEW_THREADS = 128, 512, 64
+UNIFORMS = (
+    3584  # bytes of what all lanes share, at most: it is an argument of a launch, of which there may be 4,096 bytes
+)
 TRIPLE = 'target triple = "nvptx64-nvidia-cuda"'
 PLACE = ("tid.x", "ctaid.x", "ntid.x")
 
@@ -248,7 +280,12 @@ class MemoryLayout(NamedTuple):
 
 
 def gpu_assembly(
-    program: Program, differs: frozenset[int], *, mode: str = "default", real: str = "float64"
+    program: Program,
+    differs: frozenset[int],
+    *,
+    mode: str = "default",
+    real: str = "float64",
+    parted: bool = False,
 ) -> tuple[str, dict[str, Any]]:
     """LLVM assembly for a GPU, and what its caller must know: slots, and bytes of scratch memory to bring for each lane.
 
@@ -257,13 +294,20 @@ def gpu_assembly(
         differs: places of the arguments that are given per lane.
         mode: see `Program`.
         real: type of its numbers.
+        parted: whether what all lanes share is made by an entry of its own, if it is not too much for that.
     """
     graph, plan = program.prepared(mode, real)
     inputs, wanted = ([b for b in graph.buffers if b.role == role] for role in ("argument", "result"))
     divergence = find_divergence(graph, plan, {inputs[k] for k in differs}, lanes=True)
+    held = {node for node in divergence.nodes if node.kind != "bool"}
+    if parted:
+        plan = order_for_registers(plan, held)
     kind = "double" if real == "float64" else "float"
-    text, layout = emit(graph, plan, divergence, width=1, real=kind, features="alwaysinline nounwind ")
-    text = text.replace("define void @kernel", "define internal void @kernel")
+    how: dict[str, Any] = {"width": 1, "real": kind, "features": "alwaysinline nounwind "}
+    text, layout = emit(graph, plan, divergence, **how, parted=parted)
+    if parted and not 0 < layout.uniforms <= UNIFORMS:
+        text, layout = emit(graph, plan, divergence, **how)
+    text = re.sub(r"^define void @", "define internal void @", text, flags=re.M)
     if mode == "fast" and real == "float32":
         text = re.sub(r"= (fdiv|call(?= (?:<1 x float>|float) @llvm\.sqrt))", r"= \1 afn", text)
     numbers = dict(zip(inputs, range(len(inputs)), strict=True))
@@ -271,8 +315,12 @@ def gpu_assembly(
     slots = [[b.role, numbers[b], b.kind, list(b.shape), b in divergence.buffers] for b in layout.external]
     brought = layout.scratch if layout.scratch > OWN else 0
     places = placed(slots, real)
-    entry = _entry(places, layout.scratch, brought)
-    return f"{TRIPLE}\n{text}{entry}", {"slots": slots, "scratch": brought, "places": list(places)}
+    entry = _entry(places, layout.scratch, brought, layout.uniforms)
+    about = {"slots": slots, "scratch": brought, "places": list(places)}
+    many = most_held(plan, held) * (2 if real == "float64" else 1) > ALL_REGISTERS
+    many |= brought > 0 or any(node.op == "invert" for node in plan.live.nodes)
+    about |= {"uniforms": layout.uniforms, "registers": 0 if many else MOST_REGISTERS}
+    return f"{TRIPLE}\n{text}{entry}", about
 
 
 def placed(slots: Sequence[Sequence[Any]], real: str) -> MemoryLayout:
@@ -289,32 +337,44 @@ def placed(slots: Sequence[Sequence[Any]], real: str) -> MemoryLayout:
     return MemoryLayout([(fixed if differs else a, b) for a, b, differs in begins], fixed, per_lane)
 
 
-def _entry(places: MemoryLayout, scratch: int, brought: int) -> str:
-    """The function that a launch calls: it makes the table of pointers, of which inlining `kernel` leaves nothing."""
+def _entry(places: MemoryLayout, scratch: int, brought: int, uniforms: int) -> str:
+    """The functions that launches call: they make the table of pointers, of which inlining leaves nothing."""
     slots = len(places.begins)
+    held, table = f"  %pointers = alloca [{slots + 1} x ptr]", list[str]()
+    for k, (fixed, per_lane) in enumerate(places.begins):
+        table += [f"  %far{k} = mul i64 %stride, {per_lane}", f"  %at{k} = add i64 %far{k}, {fixed}"]
+        table += [
+            f"  %p{k} = getelementptr i8, ptr %memory, i64 %at{k}",
+            f"  %to{k} = getelementptr ptr, ptr %pointers, i64 {k}",
+        ]
+        table.append(f"  store ptr %p{k}, ptr %to{k}")
     lines = [f"declare i32 @llvm.nvvm.read.ptx.sreg.{place}()" for place in PLACE]
-    lines.append(
-        f"define ptx_kernel void @{ENTRY}(ptr noalias %memory, ptr noalias %brought, i64 %stride, i64 %last) {{"
-    )
-    lines.append(f"  %pointers = alloca [{slots + 1} x ptr]")
+    argument, given = "", ""
+    if uniforms:
+        lines += [
+            f"define ptx_kernel void @{FIRST}(ptr noalias %memory, ptr noalias %values, i64 %stride) {{",
+            *[held, *table],
+            "  call void @uniforms(ptr %pointers, i64 %stride, ptr %values)",
+            "  ret void",
+            "}",
+        ]
+        argument, given = f", ptr noalias byval([{uniforms} x i8]) align 8 %values", ", ptr %values"
+    lines += [
+        f"define ptx_kernel void @{ENTRY}(ptr noalias %memory, ptr noalias %brought, i64 %stride, i64 %last{argument}) {{"
+    ]
+    lines.append(held)  # in the first block, without which it would not go
     if scratch and not brought:
         lines.append(f"  %scratch = alloca [{scratch} x i8], align 64")
     for k, place in enumerate(PLACE):
         lines += [f"  %n{k} = call i32 @llvm.nvvm.read.ptx.sreg.{place}()", f"  %w{k} = zext i32 %n{k} to i64"]
     lines += ["  %before = mul i64 %w1, %w2", "  %lane = add i64 %before, %w0", "  %some = icmp slt i64 %lane, %last"]
-    lines += ["  br i1 %some, label %work, label %idle", "work:"]
-    for k, (fixed, per_lane) in enumerate(places.begins):
-        lines += [f"  %far{k} = mul i64 %stride, {per_lane}", f"  %at{k} = add i64 %far{k}, {fixed}"]
-        lines += [
-            f"  %p{k} = getelementptr i8, ptr %memory, i64 %at{k}",
-            f"  %to{k} = getelementptr ptr, ptr %pointers, i64 {k}",
-        ]
-        lines.append(f"  store ptr %p{k}, ptr %to{k}")
+    lines += ["  br i1 %some, label %work, label %idle", "work:", *table]
     if brought:
         lines += [f"  %skipped = mul i64 %lane, {brought}", "  %scratch = getelementptr i8, ptr %brought, i64 %skipped"]
     if scratch:
         lines += [f"  %to = getelementptr ptr, ptr %pointers, i64 {slots}", "  store ptr %scratch, ptr %to"]
-    lines += ["  %next = add i64 %lane, 1", "  call void @kernel(ptr %pointers, i64 %stride, i64 %lane, i64 %next)"]
+    lines.append("  %next = add i64 %lane, 1")
+    lines.append(f"  call void @kernel(ptr %pointers, i64 %stride, i64 %lane, i64 %next{given})")
     return "\n".join([*lines, "  br label %idle", "idle:", "  ret void", "}"]) + "\n"
 
 
@@ -380,7 +440,6 @@ def _machine(name: str) -> Any:
 # ---- kernels
 
 
-BLOCK = 64  # threads: kernels of this size need so many registers that larger blocks leave some unused
 SHARE = 0.9  # of the free memory that a chunk may take
 ROUND = 64  # lanes to which a stride is rounded up, so that every row begins at a whole line of memory
 
@@ -396,6 +455,9 @@ class GpuKernel(Kernel):
         scratch: bytes of memory to bring for each lane.
         real: type of its numbers.
         most: lanes at a time, at most; what fits the memory by default.
+        uniforms: bytes of what all lanes share and an entry of its own makes.
+        registers: of a thread, at most; 0 for as many as it takes.
+        block: threads of a block; 0 for what `block_of` says.
 
     Attributes:
         seconds: that the GPU took for the last call, copies left out [s].
@@ -410,11 +472,20 @@ class GpuKernel(Kernel):
         scratch: int,
         real: Any,
         most: int | None = None,
+        uniforms: int = 0,
+        registers: int = 0,
+        block: int = 0,
     ) -> None:
         self.device, self.slots, self.places, self.scratch = device, list(slots), places, scratch
         self.real, self.most, self.seconds = np.dtype(real), most, 0.0
+        self.uniforms, self.registers, self.block = uniforms, registers, block
         use_device(device)
-        self.function = load_ptx(text, ENTRY)
+        self.functions = load_ptx(text, [ENTRY, FIRST] if uniforms else [ENTRY], registers)
+
+    def block_of(self, lanes: int) -> int:
+        """Threads of a block, so that a run of few lanes still gives every multiprocessor some."""
+        each = -(-lanes // (WARP * self.device.processors)) * WARP
+        return min(each, MOST_THREADS if self.registers else FEW_THREADS)
 
     def chunk(self, lanes: int) -> int:
         """Number of lanes that fit at a time.
@@ -452,7 +523,9 @@ class GpuKernel(Kernel):
         with (
             allocate(self.places.fixed + stride * self.places.per_lane) as memory,
             allocate(stride * self.scratch) as scratch,
+            allocate(self.uniforms) as values,
         ):
+            shared: list[np.ndarray] = []
             for k, first in enumerate(range(0, n, size)):
                 last = min(first + size, n)
                 fixed = k == 0
@@ -465,8 +538,13 @@ class GpuKernel(Kernel):
                         copy_to_device(memory + a + b * stride, part)
                     elif fixed:
                         copy_to_device(memory + a, array)
-                blocks = -(-(last - first) // BLOCK)
-                self.seconds += launch(self.function, blocks, BLOCK, memory, scratch, stride, last - first)
+                if fixed and self.uniforms:
+                    self.seconds += launch(self.functions[1], 1, 1, memory, values, stride)
+                    shared = [np.empty(self.uniforms, np.uint8)]
+                    copy_from_device(shared[0], values)
+                block = self.block or self.block_of(last - first)
+                blocks = -(-(last - first) // block)
+                self.seconds += launch(self.functions[0], blocks, block, memory, scratch, stride, last - first, *shared)
                 self._get(arrays, memory, stride, first, last)
         return outputs
 
@@ -502,7 +580,7 @@ class GpuProgram(Program):
             capability = min(self.device.capability, USUAL)
 
             def make() -> tuple[bytes, dict[str, Any]]:
-                text, about = gpu_assembly(self, differs, mode=mode, real=real)
+                text, about = gpu_assembly(self, differs, mode=mode, real=real, parted=True)
                 return compile_ptx(text, capability).encode(), about
 
             name = cache_key(self.serialised, "gpu", capability, sorted(differs), mode, real)
@@ -511,7 +589,15 @@ class GpuProgram(Program):
             begins, fixed, per_lane = about["places"]
             places = MemoryLayout([(a, b) for a, b in begins], fixed, per_lane)
             self._kernels[known] = GpuKernel(
-                self.device, code.decode(), slots, places, about["scratch"], np.dtype(real), self.most
+                self.device,
+                code.decode(),
+                slots,
+                places,
+                about["scratch"],
+                np.dtype(real),
+                self.most,
+                about["uniforms"],
+                about["registers"],
             )
         return self._kernels[known]
 

@@ -21,6 +21,7 @@ import ctypes
 import functools
 import hashlib
 import os
+import re
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -44,11 +45,13 @@ class Layout(NamedTuple):
         external: buffers of arguments and results whose addresses it gets.
         scratch: bytes of scratch memory per thread.
         width: lanes per block.
+        uniforms: bytes of what `uniforms` makes for all lanes, where that is a function of its own.
     """
 
     external: list[Buffer]
     scratch: int
     width: int
+    uniforms: int = 0
 
 
 class Body(Memory):
@@ -169,12 +172,16 @@ def emit(
     features: str = "",
     estimates: bool = False,
     vector: int = 0,
+    parted: bool = False,
 ) -> tuple[str, Layout]:
     """The text of a kernel, and what its caller brings; estimates are for mode ``fast``, see `_llvm_text`.
 
     `vector` is the number of trips of a loop that stand in a vector of a run without lanes, 0 for none.
+    `parted` makes two functions, for a GPU: what all lanes share is written by ``uniforms(pointers, stride, values)``, once
+    per call, and read by the kernel from an argument, so that no lane keeps it in a register of its own.
     """
     body = Body(graph, plan, divergence, width=width, real=real, estimates=estimates)
+    body.uniforms = {} if parted else None
     if vector:
         wide = find_wide_loops(plan, vector)
         nodes = divergence.nodes.union(*(w.vectors for w in wide.values()))
@@ -183,17 +190,23 @@ def emit(
     _memory(body, head)
     body.entries(plan.root, root=True)
     # what stands outside of loops is parted in the same way; the block that loops back to names the last part
-    lines = [*head, *body.before]
-    once, entry = lines[:LONGEST], "entry"
-    for k in range(LONGEST, len(lines), LONGEST):
-        entry = f"once{k}"
-        once += [f"  br i1 %never, label %out, label %{entry}", f"{entry}:", *lines[k : k + LONGEST]]
+    first, entry = _in_parts([*head, *body.before])
+    argument, size, own = "", 0, list[str]()
+    if parted:
+        reads, writes, size = _uniforms(body)
+        own = [
+            f"define void @uniforms(ptr noalias %pointers, i64 %stride, ptr noalias %values) {features}{{",
+            *["entry:", "  %never = icmp slt i64 %stride, 0", *first, *writes, "  br label %out"],
+            *["out:", "  ret void", "}"],
+        ]
+        argument, (first, entry) = ", ptr noalias %values", _in_parts([*head, *reads])
     text = [
         *body.globals,
-        f"define void @kernel(ptr noalias %pointers, i64 %stride, i64 %first, i64 %last) {features}{{",
+        *own,
+        f"define void @kernel(ptr noalias %pointers, i64 %stride, i64 %first, i64 %last{argument}) {features}{{",
         "entry:",
         "  %never = icmp slt i64 %stride, 0",
-        *once,
+        *first,
         "  br label %block",
         "block:",
         f"  %number = phi i64 [ %first, %{entry} ], [ %more, %{body.label} ]",
@@ -213,7 +226,41 @@ def emit(
         *sorted(body.declared),
         '!0 = !{!"branch_weights", i32 1, i32 100000}',
     ]
-    return "\n".join(text) + "\n", Layout(body.external, body.scratch, width)
+    return "\n".join(text) + "\n", Layout(body.external, body.scratch, width, size)
+
+
+def _in_parts(lines: list[str]) -> tuple[list[str], str]:
+    """Lines of the first block, in blocks that are not too long, and the name of the last."""
+    parts, entry = lines[:LONGEST], "entry"
+    for k in range(LONGEST, len(lines), LONGEST):
+        entry = f"once{k}"
+        parts += [f"  br i1 %never, label %out, label %{entry}", f"{entry}:", *lines[k : k + LONGEST]]
+    return parts, entry
+
+
+def _uniforms(body: Body) -> tuple[list[str], list[str], int]:
+    """Lines that read what all lanes share and the loop over lanes needs, lines that write it, and its bytes."""
+    asked = set(re.findall(r"%[\w.]+", "\n".join(body.lines)))
+    made = {node: body.names[node] for node in sorted(body.shared, key=lambda node: node.serial)}
+    made |= body.uniforms or {}
+    reads, writes, size = list[str](), list[str](), 0
+    for k, (node, value) in enumerate(made.items()):
+        name = body.names[node]
+        if name not in asked:
+            continue
+        asked.remove(name)
+        one, inside = body.type(node.kind, False), body.memory(node.kind)
+        wide = 1 if inside == "i8" else 4 if inside == "float" else 8
+        size = -(-size // wide) * wide
+        place = f"getelementptr i8, ptr %values, i64 {size}"
+        raw, kept = (f"%raw{k}", f"%kept{k}") if one != inside else (name, value)
+        reads += [f"  %from{k} = {place}", f"  {raw} = load {inside}, ptr %from{k}, align {wide}"]
+        if one != inside:
+            reads.append(f"  {name} = trunc {inside} {raw} to {one}")
+            writes.append(f"  {kept} = zext {one} {value} to {inside}")
+        writes += [f"  %into{k} = {place}", f"  store {inside} {kept}, ptr %into{k}, align {wide}"]
+        size += wide
+    return reads, writes, size
 
 
 def _memory(body: Body, head: list[str]) -> None:

@@ -40,6 +40,7 @@ class Text:
         self.external = [b for b in graph.buffers if b.role in ("argument", "result") and b in plan.live.buffers]
         self.bases: dict[Buffer, str] = {}
         self.scratch = 0
+        self.uniforms: dict[Node, str] | None = None  # what all lanes share, where a function of its own makes it
 
     def fresh(self) -> str:
         """A name that nothing has yet."""
@@ -74,7 +75,7 @@ class Text:
 
     def name(self, node: Node, vector: bool) -> str:
         """A value, repeated in all lanes where a vector is wanted of what all share."""
-        if node.op == "const":
+        if node.op == "const" and not (vector and self._is_long(node)):
             return self.literal(node, vector)
         if not vector or node in self.divergence.nodes:
             return self.names[node]
@@ -85,6 +86,17 @@ class Text:
                 name = self.emit(f"add {kind} {name}, {counted(self.width, self.steps[node], one)}")
             self.splats[node] = name
         return self.splats[node]
+
+    def _is_long(self, node: Node) -> bool:
+        """Name a constant of which an instruction of a GPU has no room for the lower half, among what all lanes share."""
+        if self.uniforms is None or node.kind != "real" or self.real != "double":
+            return False
+        if int(number(node.attr), 16) & 0xFFFFFFFF == 0:
+            return False
+        if node not in self.uniforms:
+            self.uniforms[node] = self.literal(node, False)
+            self.names[node] = f"%long{len(self.uniforms)}"
+        return True
 
     def splat(self, name: str, kind: str) -> str:
         """A number in all lanes."""
