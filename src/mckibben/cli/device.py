@@ -16,14 +16,14 @@ from ..quantities import parse
 from ._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Paths, write_recording
 from ._progress import progress
 from ._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, table
-from .run import Change, On, Protocol, prepared
+from .run import Change, On, ProtocolName, prepared
 
 LOOK = 0.2  # at whether it is ended [s]
 LONGEST_SERVICE = 31_557_600.0  # [s]; a longer one is a slip
 
 
 def serve(
-    protocol: Protocol,
+    protocol: ProtocolName,
     muscle: Muscle,
     rig: RigName = "paper",
     change: Change = None,
