@@ -25,7 +25,7 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast
 from .accessors import PLACES
 from .answers import Answer, Caution, collect, warn
 from .errors import InputError
-from .quantities import in_si, parse, values_in_si
+from .quantities import in_si, parse, split_values, values_in_si
 
 PACKAGE = Path(__file__).parent
 P = ParamSpec("P")
@@ -157,6 +157,7 @@ WorkerCount = Annotated[int, ParameterType("N", least=0)]
 SchedulerName = Annotated[str, ParameterType("SCHEDULER")]
 SweepFile = Annotated[Any, ParameterType("SWEEP")]
 ResultFolder = Annotated[Any, ParameterType("FOLDER")]
+MachineName = Annotated[str, ParameterType("MACHINE")]
 SignalName = Annotated[str, ParameterType("SIGNAL")]
 CircuitFile = Annotated[Any, ParameterType("CIRCUIT")]
 PartName = Annotated[str, ParameterType("PART")]
@@ -264,8 +265,11 @@ class Parameter:
             return ParsedNumber(float(number), value) if isinstance(value, str) else number
         if self.type.none and isinstance(value, str) and value.strip() == "none":
             return ParsedList()
-        one = isinstance(value, str) and not (":" in value or ";" in value or ", " in value)
-        numbers = ParsedList(values_in_si([value] if one else value, unit, field=self.name))
+        words = value
+        if isinstance(value, str) and not (":" in value or ";" in value or ", " in value):
+            # a comma alone parts values of lists; elsewhere it may be meant as that of a decimal
+            words = split_values(value, field=self.name) if self.type.listed else [value]
+        numbers = ParsedList(values_in_si(words, unit, field=self.name))
         numbers.text = value if isinstance(value, str) else ""
         return numbers
 
@@ -433,6 +437,9 @@ def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> It
     """Cautions about values whose size can only be a slip."""
     for name, value in values.items():
         kind = parameters[name].type if name in parameters else ParameterType()
+        if isinstance(value, Mapping) and kind.parts[1]:
+            yield from _slips({part.name: part for part in parameters[name].parts}, value)
+            continue
         changes = kind.word == "PATH=VALUE" and isinstance(value, Mapping)
         texts: Sequence[tuple[str, Any]] = [*value.items()] if changes else [(name, value)]
         for key, text in texts:

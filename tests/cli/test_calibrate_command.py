@@ -128,7 +128,7 @@ MASSES = ("--masses", "0 kg,5 kg")
         ((*WEIGHTS, "--masses", ","), "--masses must be two different ones"),
         ((*WEIGHTS, "--masses", "0 kg,nan kg"), "must be a finite number"),
         ((*WEIGHTS, "--masses", "0 kg,150 kg"), "reference for tension must be between -1000 N and 1000 N"),
-        ((*WEIGHTS, *MASSES, "--channel", "tensio"), "Unknown channel 'tensio'. Did you mean 'tension'? The rig has"),
+        ((*WEIGHTS, *MASSES, "--channel", "tensio"), "Unknown --channel 'tensio'. Did you mean 'tension'? The rig has"),
         ((*WEIGHTS, *MASSES, "--set", "rig.sensors.tension.ofset=3 N"), "Did you mean 'offset'?"),
         ((*WEIGHTS, *MASSES, "--set", "law.turns=3"), "--set law.turns must be a value of the rig"),
         ((*WEIGHTS, *MASSES, "--valid-for", "0 s"), "--valid-for must be between 1 s"),

@@ -64,7 +64,7 @@ class VerbCommand:
         examples: command lines.
         options: names of options that differ from those of their parameters.
         shorthands: flags that stand for a value, by name.
-        required: parameters that the command line wants stated.
+        required: parameters that the command line wants stated, ``out`` too.
         draw: draws the figure of an answer into a file.
         writes: what else ``--out`` takes, by its kind in `outputs`.
         written: options that name a file each.
@@ -124,7 +124,10 @@ class VerbCommand:
             rows = typer.Option("--top", metavar="N", min=1, help="Number of rows shown of each ranking.")
             parameters.append(_keyword("top", Annotated[int, rows], self.top))
         if self.outputs.kinds:
-            parameters.append(_keyword("out", Annotated[Paths, self.outputs.option(note=self.note)], None))
+            option = self.outputs.option(note=self.note)
+            needed = "out" in self.required
+            kind = Annotated[list[Path] if needed else Paths, option]
+            parameters.append(_keyword("out", kind, inspect.Parameter.empty if needed else None))
         parameters.append(_keyword("as_json", Json, False))
 
         def run(**values: Any) -> None:
@@ -186,7 +189,8 @@ class VerbCommand:
                 content["files"] = more
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
-            files.write_result(content)
+            if "result" in self.outputs.kinds:
+                files.write_result(content)
             if as_json:
                 print_json(content)
             else:

@@ -7,21 +7,20 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import components, identification, recordings
-from ..analysis.description import shown_numbers
-from ..analysis.frequency import FrequencyResponse, linear_response
+from ..analysis import description, frequency
 from ..answers import Answer, Caution, Column, Table, collect
-from ..assembly.circuit_file import CircuitPlan, read_circuit
-from ..assembly.linearise import Mode, linearise, settle
-from ..assembly.sentence import run_sentence, sentence
+from ..assembly import circuit_file
+from ..assembly import linearise as linearisation
+from ..assembly import sentence as sentences
 from ..bench import circuit_run
 from ..documents import JsonValue
 from ..errors import InputError
-from ..pneumatics.volume import Reservoir
+from ..pneumatics import volume
 from ..quantities import parse, with_unit
 from ..recordings import Recording
 from ..verbs import (
@@ -40,6 +39,11 @@ from ..verbs import (
     verb,
 )
 
+if TYPE_CHECKING:
+    from ..analysis.frequency import FrequencyResponse
+    from ..assembly.circuit_file import CircuitPlan
+    from ..assembly.linearise import Mode
+
 FREQUENCIES = 200  # at which a response is given
 ROWS = 10  # of them that a person is shown
 FLOWS = {"kg/s": "g/s", "kg": "g"}  # units in which a person reads those of gas
@@ -48,7 +52,7 @@ UNITS = {"pressure_abs": "Pa", "pressure": "Pa", "mass_flow": "kg/s", "mass": "k
 
 def _planned(circuit: Any, changes: Changes | None) -> CircuitPlan:
     """A circuit with replaced values."""
-    plan = circuit if isinstance(circuit, CircuitPlan) else read_circuit(circuit)
+    plan = circuit if isinstance(circuit, circuit_file.CircuitPlan) else circuit_file.read_circuit(circuit)
     return plan.change({path: str(value) for path, value in changes.items()}) if changes else plan
 
 
@@ -86,8 +90,8 @@ class CircuitDescription(Answer):
             "nodes": self._nodes(),
             "elements": self._elements(),
             "signals": signals,
-            "sentence": sentence(plan),
-            "run": run_sentence(plan),
+            "sentence": sentences.sentence(plan),
+            "run": sentences.run_sentence(plan),
             "rates": {"fastest": self.fastest, "method": self.method, "step": plan.inner_step},
         }
 
@@ -95,7 +99,7 @@ class CircuitDescription(Answer):
         nodes = {}
         for name, n in self.plan.nodes.items():
             entry: dict[str, Any] = {"kind": n.kind, "words": n.words, "signal": n.signal}
-            if not isinstance(n.node, Reservoir):
+            if not isinstance(n.node, volume.Reservoir):
                 entry |= {"start_pressure": n.start, "heat": type(n.node.heat).__name__}
             elif n.signal is None:
                 node: Any = self.plan.circuit.nodes[name]
@@ -140,7 +144,7 @@ class CircuitDescription(Answer):
     def remarks(self) -> list[str]:
         """The circuit and its run as sentences, and the method with which a run begins."""
         method = f"Fastest mode at the start {self.fastest:.3g} 1/s: a run begins with {self.method}."
-        return [sentence(self.plan), run_sentence(self.plan), method]
+        return [sentences.sentence(self.plan), sentences.run_sentence(self.plan), method]
 
 
 @verb
@@ -200,7 +204,7 @@ class CircuitRecording(Answer):
             numbers, span = ("min", "max", "mean", "final"), max(abs(s["min"]), abs(s["max"]))
             # what is nothing but rounding is shown as nothing
             s |= {key: 0.0 for key in numbers if abs(s[key]) < 1e-9 * span}
-            rows.append({"channel": name} | shown_numbers(s, numbers, FLOWS.get(s["unit"])))
+            rows.append({"channel": name} | description.shown_numbers(s, numbers, FLOWS.get(s["unit"])))
         shown = (Column(key, right=True) for key in ("min", "max", "mean", "final"))
         return [Table(str(self.recording.meta["title"]), (Column("channel"), *shown, Column("unit")), rows)]
 
@@ -374,9 +378,9 @@ def circuit_response(
     state, memory = plan.initial()
     if progress is not None:
         progress("")
-    rest = settle(plan.circuit, state, memory, inputs).state
-    model = linearise(plan.circuit, rest, memory, inputs, inputs_by_name=(source,), outputs=(target,))
-    response = linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
+    rest = linearisation.settle(plan.circuit, state, memory, inputs).state
+    model = linearisation.linearise(plan.circuit, rest, memory, inputs, inputs_by_name=(source,), outputs=(target,))
+    response = frequency.linear_response(model, source, target, np.geomspace(low, high, FREQUENCIES))
     above, below = (UNITS.get(name.rpartition(".")[2], "1") for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
     level = float(plan.circuit.outputs(rest, memory, inputs)[target])

@@ -104,7 +104,7 @@ def record_joint(
 ) -> JointRecording:
     """Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.
 
-    Without --angle the commands drive the valves directly: of a spool valve -1 vents and 1 fills. With --angle the
+    Without set-points the commands drive the valves directly: of a spool valve -1 vents and 1 fills. With set-points the
     controller of the rig 'modern' holds angle and stiffness.
 
     Args:
@@ -113,14 +113,14 @@ def record_joint(
         play: table of valve commands over time, or a recording with its commands.
         commands: command over time, such as flexor='0, 0.3 @ 0.2 s'.
         angle: set-points of the angle, such as '0 deg, 17 deg @ 0.3 s'.
-        stiffness: set-points of the stiffness, with --angle.
+        stiffness: set-points of the stiffness, beside those of the angle.
         duration: duration of the run [s], such as '2 s'; that of the table, else 1 s, by default.
         arm: moment arm of both muscles [m].
         inertia: moment of inertia about the axis [kg*m^2].
-        supply: gauge pressure of the supply [Pa], without --angle.
-        valve: valve of each muscle, without --angle.
-        start_pressure: gauge pressure of both muscles at the start [Pa], without --angle.
-        period: period of the commands [s], without --angle.
+        supply: gauge pressure of the supply [Pa], without set-points.
+        valve: valve of each muscle, without set-points.
+        start_pressure: gauge pressure of both muscles at the start [Pa], without set-points.
+        period: period of the commands [s], without set-points.
         seed: random seed for sensor noise; equal seeds give equal recordings.
         progress: told how far the run is, and how long it is [s].
 
