@@ -8,7 +8,7 @@ BIN    := $(VENV)/Scripts
 endif
 RUN    := $(BIN)/python -m
 WORKERS ?= 2
-PACKAGES := packages/lanewise packages/mckibben-hosts
+PACKAGES := packages/lanewise packages/mckibben-benchmark packages/mckibben-hosts packages/mckibben-papers
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
 .PHONY: demo plan wheel test slow validation lint docs firmware bench lock clean help
@@ -48,6 +48,8 @@ wheel: $(VENV)/.run ## Build wheels and source archives of all packages; call ev
 test: lint ## Run the whole suite
 	$(RUN) pytest -n $(WORKERS) -m "not slow" tests packages/lanewise/tests
 	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hosts/tests
+	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-benchmark/tests
+	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-papers/tests
 
 slow: $(VENV)/.test ## Run the tests that take minutes
 	$(RUN) pytest -n $(WORKERS) -m slow

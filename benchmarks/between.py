@@ -24,13 +24,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import written
 
 from mckibben.identification.between import Between, MusclePoints, NewMuscle, thinned
 from mckibben.identification.calibration import muscle_of_fit
 from mckibben.identification.fit import Fit, fit
 from mckibben.recordings import ForceMap, read_force_map
 from mckibben.specimens.model import BETWEEN_COMPONENTS
-from mckibben.studies.validation import AARL_ZERO, PLATEAUS, measured_data
+from mckibben_benchmark.validation import AARL_ZERO, PLATEAUS, measured_data
 
 LAW = "seated_braid"
 TEN = {"rest_diameter": 0.010, "wall_thickness": 0.0018}
@@ -315,9 +316,10 @@ def draw(result: list[dict[str, Any]]) -> None:
         axes.set(xlabel="readings of the muscle", ylabel="error, rms, % of the largest tension", ylim=(0.0, None))
         axes.legend()
         style.save(fig, DOCS / "assets" / "between.svg")
-    page = DOCS / "explanation" / "how-far-to-trust-a-number.md"
-    before, _, rest = page.read_text().partition(BEGIN)
-    page.write_text(f"{before}{BEGIN}\n\n{lines(result)}\n\n{END}{rest.partition(END)[2]}")
+    written.write(WRITTEN, result)
+
+
+WRITTEN = (written.WrittenPart("explanation/how-far-to-trust-a-number.md", BEGIN, END, lines),)
 
 
 if __name__ == "__main__":

@@ -17,12 +17,12 @@ import argparse
 import dataclasses
 import json
 import math
-import re
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import written
 
 import mckibben as mk
 from mckibben.assembly.build import unit_from_muscle
@@ -38,7 +38,7 @@ from mckibben.studies.characterisation.evaluation import MOST_GAIN, advance, gai
 from mckibben.studies.characterisation.stages import Progression
 
 OUT = Path(__file__).with_suffix(".json")
-PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "characterise-a-muscle.md"
+BEGIN, END = "<!-- written by benchmarks/characterise.py; do not edit -->", "<!-- end of outcome -->"
 STEP = 2e-4  # of the physics at most [s]; the machine takes smaller ones where its rates ask for them
 LEAST = 10.0  # tension at 5 bar and the rest length, below which dimensions are drawn again [N]
 WRONG = 0.05  # worst error, of the largest tension, above which a result is wrong
@@ -339,6 +339,9 @@ def table(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+WRITTEN = (written.WrittenPart("how-to/characterise-a-muscle.md", BEGIN, END, table),)
+
+
 def main() -> None:
     """Run the study, or write its table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -349,13 +352,7 @@ def main() -> None:
     parser.add_argument("--draw", action="store_true", help="write the table of the documentation from the results")
     asked = parser.parse_args()
     if asked.draw:
-        result = json.loads(asked.out.read_text(encoding="utf-8"))
-        text = PAGE.read_text(encoding="utf-8")
-        marks = "<!-- outcome -->", "<!-- end of outcome -->"
-        made = re.sub(
-            f"{marks[0]}.*?{marks[1]}", lambda _: f"{marks[0]}\n\n{table(result)}\n\n{marks[1]}", text, flags=re.S
-        )
-        PAGE.write_text(made, encoding="utf-8")
+        written.write(WRITTEN, json.loads(asked.out.read_text(encoding="utf-8")))
         return
     stored = {"seed": asked.seed, "muscles": [], "seconds": 0.0}
     if asked.out.exists():

@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import written
 
 import mckibben as mk
 from mckibben.engine import STEP, ramped
@@ -450,10 +451,10 @@ def linear_half_width(fit: mk.Fit, lengths: np.ndarray, pressures: np.ndarray) -
 
 def draw(cases: dict[str, list[dict[str, Any]]]) -> None:
     """Write the table between the marks of the documentation's page."""
-    page = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "uncertainty.md"
-    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    page.write_text(f"{head}{BEGIN}\n\n{table(cases)}\n\n{END}{tail}", encoding="utf-8")
+    written.write(WRITTEN, cases)
+
+
+WRITTEN = (written.WrittenPart("explanation/uncertainty.md", BEGIN, END, table),)
 
 
 def saved(cases: dict[str, list[dict[str, Any]]]) -> str:

@@ -1,6 +1,7 @@
 """Coverage of `Fit.predict`: how often the 95 % interval of a tension holds what was measured and not shown to the fit.
 
-    python benchmarks/coverage_measured.py --out coverage_measured.json --draw ../docs/explanation/uncertainty.md
+    python benchmarks/coverage_measured.py --out coverage_measured.json
+    python benchmarks/coverage_measured.py --draw coverage_measured.json
 
 Tasks and splits are those of `mckibben benchmark`; data that do not ship lie in the folder that MCKIBBEN_DATA names. Counted
 are the taut points that were left out; their number says little, because the points of one muscle at one length share an
@@ -15,15 +16,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import written
 
-from mckibben.benchmarking.physics import RULER, joined
-from mckibben.benchmarking.tasks import task
 from mckibben.errors import MissingDataError
 from mckibben.identification import fit
 from mckibben.identification.problem import SAME_LENGTH
 from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared
-from mckibben.studies.validation import measured_data
+from mckibben_benchmark.physics import RULER, joined
+from mckibben_benchmark.tasks import task
+from mckibben_benchmark.validation import measured_data
 
 TASKS = ("map-pressure-out", "map-above-4-bar", "map-length-out", "data-sheet", "other-lengths")
 LAWS = ("seated_hyperelastic_braid", "seated_braid")
@@ -36,17 +38,17 @@ def main() -> None:
     parser.add_argument("--task", action="append", help="Task to count; all by default.")
     parser.add_argument("--law", action="append", help="Law to fit; both by default.")
     parser.add_argument("--out", type=Path, default=Path("coverage_measured.json"), help="Figures.")
-    parser.add_argument("--draw", type=Path, help="Page whose table is written anew.")
+    parser.add_argument("--draw", type=Path, metavar="FILE", help="Write the table of results, and measure nothing.")
     chosen = parser.parse_args()
+    if chosen.draw:
+        written.write(WRITTEN, json.loads(chosen.draw.read_text()))
+        return
     rows = []
     for name in chosen.task or TASKS:
         for law in chosen.law or LAWS:
             rows += [row] if (row := coverage(name, law)) else []
             print(rows[-1:], flush=True)
     chosen.out.write_text(json.dumps(rows, indent=1) + "\n")
-    if chosen.draw:
-        before, _, rest = chosen.draw.read_text().partition(BEGIN)
-        chosen.draw.write_text(f"{before}{BEGIN}\n\n{drawn(rows)}\n\n{END}{rest.partition(END)[2]}")
 
 
 def coverage(name: str, law: str) -> dict[str, Any]:
@@ -98,6 +100,8 @@ def drawn(rows: list[dict[str, Any]]) -> str:
         lines.append(f"| `{r['task']}` | `{r['law']}` | {r['points']} | {' | '.join(shares)} |")
     return "\n".join(lines)
 
+
+WRITTEN = (written.WrittenPart("explanation/uncertainty.md", BEGIN, END, drawn),)
 
 if __name__ == "__main__":
     main()

@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import written
 
 import mckibben as mk
 from mckibben.bench.rig import DRIFT
@@ -255,10 +256,7 @@ def draw(results: dict[str, Any]) -> None:
     docs = Path(__file__).resolve().parents[1] / "docs"
     matrix = results["faulty"]["matrix"]
     mk.save_figure(confusion_figure(matrix, SHORT), docs / "assets" / "diagnosis.svg")
-    page = docs / "explanation" / "diagnosis.md"
-    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    page.write_text(f"{head}{BEGIN}\n\n{tables(results)}\n\n{END}{tail}", encoding="utf-8")
+    written.write(WRITTEN, results)
 
 
 BEGIN, END = "<!-- written by benchmarks/diagnosis.py; do not edit -->", "<!-- end -->"
@@ -304,6 +302,9 @@ def tables(results: dict[str, Any]) -> str:
         row = faulty["matrix"][name]
         lines.append(f"| {SHORT[name]} | " + " | ".join(str(row[n]) if row[n] else "" for n in names) + " |")
     return "\n".join(lines)
+
+
+WRITTEN = (written.WrittenPart("explanation/diagnosis.md", BEGIN, END, tables),)
 
 
 def main() -> int:

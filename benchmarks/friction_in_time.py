@@ -21,12 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import written
 
 import mckibben as mk
-from mckibben.benchmarking import physics
-from mckibben.benchmarking.datasets import VENTING, BenchmarkRecord
-from mckibben.benchmarking.physics import LawModel
-from mckibben.benchmarking.tasks import task
 from mckibben.estimation import akaike
 from mckibben.identification.problem import Problem, solve
 from mckibben.identification.shared_hysteresis import (
@@ -37,7 +34,11 @@ from mckibben.identification.shared_hysteresis import (
     independent_samples,
     read_recordings,
 )
-from mckibben.studies.validation import AARL_ZERO, measured_data
+from mckibben_benchmark import physics
+from mckibben_benchmark.datasets import VENTING, BenchmarkRecord
+from mckibben_benchmark.physics import LawModel
+from mckibben_benchmark.tasks import task
+from mckibben_benchmark.validation import AARL_ZERO, measured_data
 
 LENGTH_ERROR = 5e-4  # what the static plateaus of these muscles say, `lengths.py` [m]
 SAMPLES = 400  # of each run
@@ -138,7 +139,7 @@ def measure() -> dict[str, Any]:
     return found
 
 
-def written(folder: Path) -> list[Path]:
+def run_files(folder: Path) -> list[Path]:
     """The runs as files that anybody could have, as `fit --hysteresis` reads them."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
@@ -248,21 +249,25 @@ def main() -> None:
     """Measure, write the figures and the table."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("friction_in_time.json"), help="Figures.")
-    parser.add_argument("--draw", type=Path, help="Page whose table is written anew.")
+    parser.add_argument("--draw", type=Path, metavar="FILE", help="Write the tables of results, and measure nothing.")
     parser.add_argument("--files", type=Path, help="Folder that keeps the runs as files.")
     chosen = parser.parse_args()
+    if chosen.draw:
+        written.write(WRITTEN, json.loads(chosen.draw.read_text()))
+        return
     with tempfile.TemporaryDirectory() as folder:
-        files = written(chosen.files or Path(folder))
+        files = run_files(chosen.files or Path(folder))
         command = {str(every): by_command(files, every) for every in (1, 10)}
     found = measure()
     found["command"] = command | {"runs": len(files)}
     chosen.out.write_text(json.dumps(found, indent=1) + "\n")
-    if chosen.draw:
-        for begin, end, text in ((BEGIN, END, drawn(found)), (BEGIN_FIT, END_FIT, drawn_command(found["command"]))):
-            before, _, rest = chosen.draw.read_text(encoding="utf-8").partition(begin)
-            page = f"{before}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
-            chosen.draw.write_text(page, encoding="utf-8")
 
+
+PAGE = "explanation/friction.md"
+WRITTEN = (
+    written.WrittenPart(PAGE, BEGIN, END, drawn),
+    written.WrittenPart(PAGE, BEGIN_FIT, END_FIT, lambda found: drawn_command(found["command"])),
+)
 
 if __name__ == "__main__":
     main()

@@ -27,15 +27,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import written
 
 import mckibben as mk
-from mckibben.benchmarking.physics import joined
-from mckibben.benchmarking.tasks import task
 from mckibben.identification import fit
 from mckibben.identification.problem import CURVE_POINTS, Problem, solve
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap, read_force_map
-from mckibben.studies.validation import AARL_ZERO, measured_data
+from mckibben_benchmark.physics import joined
+from mckibben_benchmark.tasks import task
+from mckibben_benchmark.validation import AARL_ZERO, measured_data
 
 LAWS = ("seated_hyperelastic_braid", "seated_braid")
 KNOWN = {"rest_diameter": 0.010, "wall_thickness": 0.0018}
@@ -416,10 +417,7 @@ def draw(result: dict[str, Any]) -> None:
             ax, "What each set length is off by", f"lines at ±{band:.2f} mm: 95 % of the spread that the data show"
         )
         mk.save_figure(fig, DOCS / "assets" / "lengths.svg")
-    page = DOCS / "explanation" / "laws.md"
-    head, _, rest_of_page = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, tail = rest_of_page.partition(END)
-    page.write_text(f"{head}{BEGIN}\n\n{tables(result)}\n\n{END}{tail}", encoding="utf-8")
+    written.write(WRITTEN, result)
 
 
 def tables(result: dict[str, Any]) -> str:
@@ -504,6 +502,8 @@ def structure(found: dict[str, Any], *names: str) -> dict[str, Any]:
     one: dict[str, Any] = next(row for row in found["structures"] if set(row["effects"]) == set(names))
     return one
 
+
+WRITTEN = (written.WrittenPart("explanation/laws.md", BEGIN, END, tables),)
 
 if __name__ == "__main__":
     main()

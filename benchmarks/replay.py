@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import written
 
 import mckibben as mk
 from mckibben.identification.next_points import MOVE, READ, VENT, Candidates, candidates_of, choose, continuous_optimum
@@ -277,10 +278,7 @@ def draw(result: dict[str, Any]) -> None:
         style.end_labels(ax, ends, quantity=None)
         style.heading(ax, "Error over measured plateaus", above=24.0)
         mk.save_figure(fig, DOCS / "assets" / "replay.svg")
-    page = DOCS / "explanation" / "uncertainty.md"
-    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    page.write_text(f"{head}{BEGIN}\n\n{tables(result)}\n\n{END}{tail}", encoding="utf-8")
+    written.write(WRITTEN, result)
 
 
 def tables(result: dict[str, Any]) -> str:
@@ -327,6 +325,9 @@ def tables(result: dict[str, Any]) -> str:
     for name, value in result["efficiency"].items():
         lines.append(f"| {name} | {value if isinstance(value, str) else f'{100.0 * value:.1f} %'} |")
     return "\n".join(lines)
+
+
+WRITTEN = (written.WrittenPart("explanation/uncertainty.md", BEGIN, END, tables),)
 
 
 def main() -> None:

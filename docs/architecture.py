@@ -26,9 +26,7 @@ CONTENTS = {
     "cli": "the command line",
     "web": "the web interface",
     "report": "figures and reports",
-    "benchmarking": "models on measured tasks",
-    "reproduction": "the numbers printed in the papers",
-    "studies": "sizing, comparison, design, fits to published data",
+    "studies": "sizing, comparison, design, tubes",
     "batch": "sweeps of many variants",
     "bench": "rigs, sessions, runs",
     "identification": "fits, intervals, validation",
@@ -64,7 +62,7 @@ CONTENTS = {
 }
 COLOURS = {  # by the uppermost package of a group of layers
     "cli": "#dbe7f3",
-    "reproduction": "#e6e0f0",
+    "studies": "#e6e0f0",
     "bench": "#fbe3d0",
     "assembly": "#dcefdc",
     "components": "#ececec",

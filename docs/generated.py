@@ -493,9 +493,9 @@ _BOARD_TASKS = {
 
 def papers(_: Path) -> str:
     """Return the table of the predictions, and of those printed numbers of the papers that need no recording."""
-    from mckibben.report.reproduction_report import predictions_first
-    from mckibben.reproduction import reproduce
-    from mckibben.reproduction.rows import headline, is_prediction, select
+    from mckibben_papers.report import predictions_first
+    from mckibben_papers import reproduce
+    from mckibben_papers.rows import headline, is_prediction, select
 
     printed = select()
     foretold = reproduce(rows=[row.id for row in printed if is_prediction(row)])
@@ -728,8 +728,8 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
         "Units, errors, citations, names, documents, schemas, registries and extras.",
         ["quantities", "accessors", "answers", "slips", "verbs", "errors", "citations", "nomenclature", "documents", "estimation", "extras", "isolation", "registry", "schema"],
     ),
-    "benchmarking": ("benchmarking", "Benchmark of muscle models on measured tasks.", ["benchmarking.**"]),
-    "reproduction": ("reproduction", "Reproduction of the papers' numbers.", ["reproduction.**"]),
+    "benchmark": ("benchmark", "Benchmark of muscle models on measured tasks, and the studies that validate them: the distribution `mckibben-benchmark`.", ["mckibben_benchmark.**"]),
+    "papers": ("papers", "The papers, number by number and figure by figure: the distribution `mckibben-papers`, which `mckibben.papers` stands for.", ["mckibben_papers.**"]),
     "report": ("report", "Reports and other output files.", ["report.*"]),
     "figures": ("Figures", "Figures.", ["report.figures.**"]),
 }

@@ -30,7 +30,8 @@ COMMANDS |= {
     "fit --friction": verb_commands.fit_friction,
     "fit printed.toml": verb_commands.fit_printed,
 }
-COMMANDS |= {name: one for name, one in plugins("mckibben.commands").items() if isinstance(one, VerbCommand)}
+ANNOUNCED = {name.replace("-", " "): one for name, one in plugins("mckibben.commands").items()}
+COMMANDS |= {name: one for name, one in ANNOUNCED.items() if isinstance(one, VerbCommand)}
 # A question for each verb, by the words of its command; with cautions where there are any to be had.
 ASKED = {
     "muscles": "",

@@ -10,7 +10,18 @@ from pathlib import Path
 import pytest
 
 import mckibben
-from mckibben.documents import DEEPEST, parse_json, parse_toml, read_text, read_toml, write_text, write_whole
+from mckibben.documents import (
+    DEEPEST,
+    ErrorKeepingFile,
+    editable_toml,
+    parse_json,
+    parse_toml,
+    read_text,
+    read_toml,
+    with_own_paths,
+    write_text,
+    write_whole,
+)
 from mckibben.errors import InputError
 
 
@@ -142,3 +153,42 @@ def test_toml_and_json_are_parsed_in_one_place():
         "isolation.py",  # from a process that it has started
         "batch/drive.py",  # likewise, and between machines of one cluster
     }
+
+
+def test_paths_in_a_document_are_those_of_its_folder_and_names_stay():
+    document = {
+        "muscle": "own.toml",
+        "title": "own.toml",
+        "loads": [{"muscle": "nylon"}, {"muscle": "/a/B.TOML"}],
+        "muscle_": 1,
+    }
+    assert with_own_paths(document, "folder/system.toml", "muscle") == {
+        "muscle": "folder/own.toml",
+        "title": "own.toml",
+        "loads": [{"muscle": "nylon"}, {"muscle": "/a/B.TOML"}],
+        "muscle_": 1,
+    }
+
+
+def test_an_edited_document_keeps_its_comments_and_a_broken_one_is_refused():
+    document = editable_toml("# why\na = 1  # one\nb = 2\n", where="a.toml")
+    document["a"] = 3
+    assert document.as_string() == "# why\na = 3  # one\nb = 2\n"
+    with pytest.raises(InputError, match=r"a\.toml"):
+        editable_toml("a = ", where="a.toml")
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_a_file_that_keeps_its_error_reads_back_what_was_written_and_zeros_where_nothing_could(tmp_path, full):
+    file = ErrorKeepingFile(tmp_path / "a")
+    file.write(b"abcdef")
+    if full:
+        file.error = OSError(28, "No space left on device")
+    file.seek(6)
+    assert file.write(b"ghi") == 3
+    file.seek(4)
+    buffer = bytearray(b"?" * 8)
+    assert file.readinto(buffer) == 5 and file.readinto(bytearray(4)) == 0
+    assert bytes(buffer) == (b"ef\0\0\0" if full else b"efghi") + b"\0\0\0"
+    file.error = None
+    file.close()

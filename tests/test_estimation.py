@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.errors import InputError
+from mckibben.errors import ConvergenceError, InputError
 from mckibben.estimation import (
     Estimation,
     Parameter,
@@ -14,6 +14,8 @@ from mckibben.estimation import (
     descend,
     descend_in_lanes,
     descend_linear,
+    posterior_uncertainty,
+    require_progress,
 )
 
 TIME = np.linspace(0.0, 3.0, 40)
@@ -76,3 +78,35 @@ def test_a_parameter_that_no_sample_shows_is_refused_by_its_name() -> None:
     parameters = {"seen": Parameter(0.0, -5.0, 5.0, "1"), "hidden": Parameter(0.0, -5.0, 5.0, "1")}
     with pytest.raises(InputError, match="free is 'hidden': the data of a line do not depend on it"):
         conclude(parameters, best, best.jacobian, best.residual, subject="a line")
+
+
+def test_intervals_of_a_covariance_scale_with_their_parameters_and_name_what_cannot_be_told_apart() -> None:
+    scales, shared = np.array([2.0, 5e3, 1.0]), np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    found = posterior_uncertainty(shared * scales * scales[:, None], ("a", "b", "c"))
+    # roots and quotients of products round
+    np.testing.assert_allclose(found.standard_error, [2.0, 5e3, 0.0], rtol=1e-14)
+    np.testing.assert_allclose(found.correlation, shared, rtol=1e-14)
+    assert found.warnings == ()
+    shared[0, 1] = shared[1, 0] = -0.9999
+    (said,) = posterior_uncertainty(shared, ("a", "b", "c")).warnings
+    assert said == "the data can hardly tell a and b apart (correlation -0.9999)"
+
+
+@pytest.mark.parametrize(
+    ("end", "residual", "bound", "sound"),
+    [
+        ([1.0, 2.0], [1.0, 1.0], 9.0, False),  # it stayed on a slope
+        ([1.1, 2.0], [1.0, 1.0], 9.0, True),  # it moved
+        ([1.0, 2.0], [0.0, 0.0], 9.0, True),  # it began at a minimum
+        ([1.0, 2.0], [1.0, 0.0], 1.0, False),  # the bound is on the other side of the descent
+        ([1.0, 2.0], [-1.0, 0.0], 1.0, True),  # the bound holds it
+    ],
+)
+def test_a_fit_that_ends_where_it_began_is_refused_unless_it_began_at_a_minimum(end, residual, bound, sound) -> None:
+    start, bounds = np.array([1.0, 2.0]), (np.array([-9.0, -9.0]), np.array([bound, 9.0]))
+    arguments = (start, np.array(end), np.eye(2), np.array(residual), bounds)
+    if sound:
+        require_progress(*arguments, subject="a law")
+    else:
+        with pytest.raises(ConvergenceError, match="The fit of a law ended where it began"):
+            require_progress(*arguments, subject="a law")

@@ -1,11 +1,31 @@
 """Words become SI numbers at the edges, once, and a wrong dimension is named."""
 
+import dataclasses
+import math
+import re
+from fractions import Fraction
+from typing import Any
+
 import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from mckibben import quantities
+from mckibben.components import Module
 from mckibben.errors import InputError
-from mckibben.quantities import Quantity, as_array, from_si, has_dimension, in_si, parse, to_si, values_in_si, with_unit
+from mckibben.quantities import (
+    Quantity,
+    as_array,
+    from_si,
+    has_dimension,
+    in_si,
+    parse,
+    quantity,
+    to_si,
+    values_in_si,
+    with_unit,
+)
 
 
 @pytest.mark.parametrize(
@@ -138,3 +158,144 @@ def test_revolutions_are_angular_and_cycles_ordinary():
     assert parse("60 rpm", "rad/s", field="speed") == pytest.approx(2.0 * 3.141592653589793, rel=1e-15)
     assert parse("10 deg/s", "rad/s", field="speed") == pytest.approx(0.17453292519943295, rel=1e-15)
     assert parse("5 kHz", "Hz", field="rate") == 5000.0 and parse("120 1/min", "1/s", field="rate") == 2.0
+
+
+class Declared(Module):
+    """A stiffness that is needed, a length that only some uses have, and a word."""
+
+    stiffness: Any = quantity("N/m", (0.0, 1e3), "of the spring", along=-1)
+    length: Any = quantity("m", (0.1, math.inf), "at rest", typical=(0.2, 0.3), default=None)
+    count: int = 3
+
+
+@dataclasses.dataclass
+class Stated:
+    """Arguments that words may state."""
+
+    mass: float | str = quantities.amount("kg", (0.1, 10.0))
+    speed: float | str = quantities.amount("m/s", default=2.0)
+    name: str = ""
+
+
+def test_what_is_declared_is_found_by_name_and_what_has_no_value_is_none():
+    one = Declared(stiffness=5)
+    assert list(quantities.declared(one)) == ["stiffness", "length"] == list(quantities.declared(Declared))
+    assert one.length is None and quantities.values(one) == {"stiffness": 5.0}
+    two = Declared(stiffness=[1.0, 2.0], length=0.5)
+    assert quantities.values(two) == {"stiffness": [1.0, 2.0], "length": 0.5} and isinstance(two.length, jax.Array)
+    assert two.length.dtype == float and not isinstance(one.length, jax.Array)
+    stiffness, length = quantities.declared(one).values()
+    assert (stiffness.typical, length.typical, stiffness.along, length.along) == ((0.0, 1e3), (0.2, 0.3), -1, 0)
+    assert quantities.amounts(Stated) == {"mass": ("kg", (0.1, 10.0)), "speed": ("m/s", None)}
+    with pytest.raises(TypeError):
+        Stated()
+    assert Stated("1 kg").speed == 2.0
+
+
+@pytest.mark.parametrize("value", [0.0, 1e3, [0.0, 1e3], 5])
+def test_bounds_of_a_declaration_are_inclusive(value):
+    quantities.check_fields(Declared(stiffness=value))
+    quantities.check_fields(jax.eval_shape(lambda: Declared(stiffness=-1.0)))  # what is traced has no value yet
+
+
+@pytest.mark.parametrize(
+    "value", [math.nextafter(0.0, -1.0), math.nextafter(1e3, 2e3), math.nan, math.inf, [1.0, -1.0]]
+)
+def test_what_is_out_of_the_bounds_of_a_declaration_is_refused(value):
+    with pytest.raises(InputError, match="a.toml: stiffness must be between 0 N/m and 1000 N/m"):
+        quantities.check_fields(
+            object.__new__(Declared).__class__(stiffness=0.0).replace(stiffness=value), where="a.toml"
+        )
+
+
+def test_an_open_end_is_said_as_one():
+    assert quantities.declared(Declared)["length"].allowed() == "10 cm or more"
+    assert quantities.declared(Declared)["stiffness"].allowed() == "between 0 N/m and 1000 N/m"
+
+
+def test_arrays_of_jax_stay_what_they_are_and_all_else_becomes_floats():
+    given = jnp.asarray([1.0, 2.0])
+    assert as_array(given) is given
+    for value in (jnp.asarray([1, 2]), np.asarray([1, 2]), [1, 2], jnp.asarray(2.0, jnp.float32)):
+        made = as_array(value)
+        assert made.dtype == float and made.tolist() == np.asarray(value).tolist()
+
+
+@pytest.mark.parametrize(
+    ("unit", "powers"),
+    [
+        ("N", {"kg": 1, "m": 1, "s": -2}), ("Pa", {"kg": 1, "m": -1, "s": -2}),
+        ("N m/rad", {"kg": 1, "m": 2, "s": -2, "rad": -1}),
+        ("m^3/s", {"m": 3, "s": -1}), ("1", {}), ("J/(kg*K)", {"m": 2, "s": -2, "K": -1}),
+        ("V", {"kg": 1, "m": 2, "s": -3, "A": -1}),
+    ],
+)  # fmt: skip
+def test_an_si_unit_is_a_product_of_powers_of_base_units(unit, powers):
+    assert quantities.base_exponents(unit) == powers
+
+
+@pytest.mark.parametrize("unit", ["bar", "cm", "m^0.5", "cd", "N/cm"])
+def test_what_is_no_product_of_whole_powers_of_base_units_is_refused(unit):
+    with pytest.raises(ValueError, match=re.escape(unit)):
+        quantities.base_exponents(unit)
+
+
+def test_units_are_known_as_people_write_them():
+    assert all(quantities.is_unit(one) for one in ("bar", "N/cm", "cm^2", "l/min", "%", "1", "furlong"))
+    assert not any(quantities.is_unit(one) for one in ("barr", "12 **", "9**9**9", "m" * 70, "nonsense"))
+    assert quantities.usual_units("Pa")[0] == "Pa" and "bar" in quantities.usual_units("Pa")
+
+
+@pytest.mark.parametrize(
+    ("value", "taken"), [(3, True), (3.5, True), (np.float64(2.0), True), (Fraction(1, 2), True), ([1, 2], True),
+                         (range(3), True), (np.arange(3), True), (True, False), ([True, 1.0], False), ([True], False),
+                         ({}, False), (1j, False), (np.array(["a"]), False), ([[1], [2, 3]], False)],
+)  # fmt: skip
+def test_numbers_pass_as_they_are_and_what_only_looks_like_one_is_refused(value, taken):
+    if taken:
+        assert np.asarray(in_si(value, "m", field="x"), float).tolist() == np.asarray(value, float).tolist()
+    else:
+        with pytest.raises(InputError, match="x must be a number in m, or words with a unit, or an array of them"):
+            in_si(value, "m", field="x")
+
+
+def test_whole_numbers_and_values_by_name_are_what_they_say():
+    assert [quantities.whole_number(one, "seed", least=1) for one in (1, np.int64(5))] == [1, 5]
+    for wrong in (0, -1, 1.0, True, "1", None):
+        with pytest.raises(InputError, match="seed must be a whole number from 1, got"):
+            quantities.whole_number(wrong, "seed", least=1)
+    assert quantities.whole_number(0, "seed") == 0
+    assert quantities.named_values({"a": 1}, "changes") == {"a": 1}
+    for wrong in ([1], "a", None):
+        with pytest.raises(InputError, match="changes must be values by name"):
+            quantities.named_values(wrong, "changes")
+
+
+def test_a_list_in_words_is_parted_by_commas_or_semicolons_and_no_number_is():
+    assert quantities.split_values("1 bar, 3 bar; 4 bar,", field="p") == ["1 bar", "3 bar", "4 bar"]
+    assert values_in_si("1 bar, 3 bar", "Pa", field="p") == [1e5, 3e5]
+    with pytest.raises(InputError, match="'1.5 bar' for one number or '1; 5 bar' for a list"):
+        quantities.split_values("1,5 bar", field="p")
+    with pytest.raises(InputError, match="write '1; 2; 3 bar' for a list"):
+        quantities.split_values("1,2,3 bar", field="p")
+
+
+@pytest.mark.parametrize(("text", "unit"), [("12 cm", "m"), ("1e-99 m", "m"), ("0 m", "m"), ("-1 bar", "Pa")])
+def test_any_size_that_a_person_can_mean_is_taken(text, unit):
+    assert math.isfinite(parse(text, unit, field="x"))
+
+
+@pytest.mark.parametrize("text", ["1e-100 m", "1e100 m", "-1e101 m", "inf m", "nan m", "5"])
+def test_no_size_that_nobody_can_mean_is_taken(text):
+    with pytest.raises(InputError, match="x must be"):
+        parse(text, "m", field="x")
+    assert parse("5", "m", field="x", bare=True) == parse("5", "1", field="x") == 5.0
+
+
+def test_an_unknown_unit_is_answered_by_the_one_that_is_near():
+    for text, unit, near in (("5 BAR", "Pa", "bar"), ("5 PSI", "Pa", "psi"), ("5 CM", "m", "cm")):
+        with pytest.raises(InputError, match=f"Did you mean '{near}'"):
+            parse(text, unit, field="x")
+    with pytest.raises(InputError) as caught:
+        parse("5 PSI", "m", field="x")
+    assert "psi" not in str(caught.value)

@@ -103,3 +103,151 @@ def test_what_is_wrong_is_refused_by_file_and_dotted_path(changes, says):
     with pytest.raises(InputError) as refused:
         read(**changes)
     assert f"a.toml: {says}" in str(refused.value)
+
+
+TABLE = FileTable(
+    {
+        "word": "a", "blank": " ", "list": ["a", "b"], "number": "2 bar", "whole": 3, "digits": "3", "yes": True, "one": 1,
+        "table": {"x": {"y": 1}, "z": {}}, "tables": [{"a": 1}, {}], "kind": "leg",
+    },
+    "part",
+    "a.toml",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("read", "value"),
+    [
+        (lambda t: t.word("word"), "a"),
+        (lambda t: t.word("missing", "b"), "b"),
+        (lambda t: t.word("word", among=("a", "b")), "a"),
+        (lambda t: t.text("word") + t.text("missing"), "a"),
+        (lambda t: t.texts("list") + t.texts("missing"), ("a", "b")),
+        (lambda t: t.number("number", "Pa"), 2e5),
+        (lambda t: t.number("missing", "Pa", 1.0), 1.0),
+        (lambda t: t.number("number", "Pa", 1.0), 2e5),
+        (lambda t: (t.whole("whole", 3, 3), t.whole("digits", 0, 3), t.whole("missing", 0, 3, 2)), (3, 3, 2)),
+        (lambda t: (t.flag("yes", False), t.flag("missing", False), t.flag("missing", True)), (True, False, True)),
+        (lambda t: dict(t.table("table").table("x").values), {"y": 1}),
+        (lambda t: dict(t.table("missing").values), {}),
+        (lambda t: [(name, one.path) for name, one in t.tables("table")], [("x", "part.table.x"), ("z", "part.table.z")]),
+        (lambda t: [one.path for one in t.listed("tables")], ["part.tables.1", "part.tables.2"]),
+        (lambda t: (len(t.listed("tables")), t.listed("missing")), (2, ())),
+        (lambda t: ("word" in t, "w" in t, "list" in t.without("word"), "word" in t.without("word")), (1, 0, 1, 0)),
+        (lambda t: (t.field("a"), FileTable({}).field("a")), ("part.a", "a")),
+    ],
+)  # fmt: skip
+def test_a_table_gives_what_it_states_and_the_default_of_what_it_leaves_out(read, value):
+    assert read(TABLE) == value
+
+
+@pytest.mark.parametrize(
+    ("read", "says"),
+    [
+        (lambda t: t.word("missing"), "part.missing is missing"),
+        (lambda t: t.word("missing", among=("a", "b")), "part.missing is missing: it must be a or b"),
+        (lambda t: t.word("blank"), "part.blank must be a word"),
+        (lambda t: t.word("whole"), "part.whole must be a word"),
+        (lambda t: t.word("word", among=("b",)), "Known are b"),
+        (lambda t: t.texts("word"), "part.word must be a list of words"),
+        (lambda t: t.texts("tables"), "part.tables must be a list of words"),
+        (lambda t: t.number("missing", "Pa"), "part.missing is missing"),
+        (lambda t: t.number("one", "Pa"), "part.one must be a pressure"),
+        (lambda t: t.number("yes", "1"), "part.yes must be a number"),
+        (lambda t: t.whole("whole", 0, 2), "part.whole must be a whole number between 0 and 2, got 3"),
+        (lambda t: t.whole("whole", 4, 9), "part.whole must be a whole number between 4 and 9, got 3"),
+        (lambda t: t.whole("word", 0, 2**63 - 1), "part.word must be a whole number, got"),
+        (lambda t: t.whole("whole", 4, 2**63 - 1), "part.whole must be a whole number, 4 or more, got 3"),
+        (lambda t: t.whole("yes", 0, 3), "part.yes must be a whole number"),
+        (lambda t: t.whole("missing", 0, 3), "part.missing is missing"),
+        (lambda t: t.flag("one", True), "part.one must be true or false"),
+        (lambda t: t.table("word"), "part.word must be a table, [part.word]"),
+        (lambda t: list(t.derived({"table": {"1": {}}}).tables("table")), "must be a name of letters"),
+        (lambda t: t.listed("word"), "part.word must be a list of tables, [[word]]"),
+        (lambda t: t.listed("list"), "part.list.1 must be a table, got"),
+        (lambda t: t.only(("word", "list")), "Unknown field 'part.blank'"),
+        (lambda t: t.schema(2), "part.schema is missing: this version of mckibben reads schema 2"),
+        (lambda t: t.derived({"schema": 1}).schema(2), "part.schema must be 2"),
+        (lambda t: t.derived({"schema": True}).schema(1), "part.schema must be 1"),
+    ],
+)
+def test_a_table_that_states_it_otherwise_is_refused_by_file_and_dotted_path(read, says):
+    with pytest.raises(InputError) as refused:
+        read(TABLE)
+    assert str(refused.value).startswith("a.toml: ") and says in str(refused.value)
+    TABLE.derived({"schema": 2}).schema(2)
+
+
+def test_an_error_of_a_part_is_located_once():
+    inside = InputError("length", 1.0, "must be 2")
+    assert TABLE.located(inside).field == TABLE.located(TABLE.located(inside)).field == "part.length"
+    assert TABLE.located(inside).where == "a.toml"
+    assert FileTable({}).located(inside).field == "length"
+
+
+def test_a_frozen_table_is_its_values_and_thaws_to_them():
+    values = {"a": [1, {"b": [2, 3]}], "c": "d"}
+    one = schema.FrozenTable(values)
+    assert one.plain() == values and hash(one) == hash(schema.FrozenTable(values)) and len(one) == 2
+    assert one["a"] == (1, schema.FrozenTable({"b": [2, 3]})) and list(one) == ["a", "c"]
+    assert schema.thawed(schema.frozen(values)) == values and schema.frozen(5) == 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sized:
+    """What needs a range, a pattern, or another type's declaration."""
+
+    name: str = schema.word(pattern="[a-z]+", demand="small letters", default="a")
+    tags: tuple[str, ...] = schema.words(among=("x", "y"), default=())
+    length: float = schema.number("m")
+    part: object = schema.nested({"leg": Leg, "thing": Thing}, default=None)
+    numbers: dict = schema.by_name((int, float), "a number")
+    count: int = 0
+
+
+def sized(**stated):
+    return read_table(Sized, FileTable({"length": "1 m"} | stated, "s", "a.toml"))
+
+
+def test_a_part_is_of_the_kind_that_it_names_and_other_values_are_as_they_are_declared():
+    thing = sized(
+        part={"kind": "leg", "length": "2 m"}, tags=["x", "y"], numbers={"a": 1, "b": 2.5}, name="ab", count=4
+    )
+    assert (thing.part, thing.tags, thing.numbers) == (Leg(2.0), ("x", "y"), {"a": 1, "b": 2.5})
+    assert (thing.name, thing.count, thing.length) == ("ab", 4, 1.0)
+    for stated, says in (
+        ({"part": {"length": "2 m"}}, "s.part.kind is missing: it must be leg or thing"),
+        ({"part": {"kind": "leg", "lenght": "2 m"}}, "Leg has length, joints"),
+        ({"part": 3}, 's.part must be a table such as { kind = "leg", .. }'),
+        ({"tags": ["z"]}, "Known are x, y"),
+        ({"numbers": {"a": True}}, "s.numbers.a must be a number"),
+        ({"numbers": {"a": "1"}}, "s.numbers.a must be a number"),
+        ({"name": "A"}, "s.name must be small letters"),
+        ({"count": True}, "s.count must be a whole number"),
+        ({"count": 1.0}, "s.count must be a whole number"),
+    ):
+        with pytest.raises(InputError) as refused:
+            sized(**stated)
+        assert says in str(refused.value)
+
+
+def test_bounds_are_inclusive_and_a_level_may_have_no_end():
+    ends = [read(first={"length": text}).first.length for text in ("0 m", "2 m")]
+    assert ends == [0.0, 2.0]
+    for text in ("-1e-9 m", "2.000001 m"):
+        with pytest.raises(InputError, match="between"):
+            read(first={"length": text})
+    assert read(level=math.inf).level == math.inf
+    with pytest.raises(InputError):
+        read(**{"from": math.inf})
+
+
+def test_what_is_at_its_default_is_written_only_if_it_is_asked_for_and_what_is_skipped_never():
+    leg = Leg(math.nan, 1)
+    assert write_table(Leg(1.0)) == {"length": "1.0 m"}
+    assert write_table(Leg(1.0), always=("joints",)) == {"length": "1.0 m", "joints": 1}
+    assert write_table(Leg(1.0, 2), skip=("joints",)) == write_table(Leg(1.0, 2), skip=("joints",), always=("joints",))
+    assert write_table(Leg(1.0, 2), skip=("joints",)) == {"length": "1.0 m"}
+    assert write_table(leg, bare=True)["length"] != 0.0
+    assert "level" not in write_table(read(level=math.inf), units=UNITS)
+    assert schema.read_stated(Thing, FileTable({"from": "2 s", "loud": True}), ["from", "level"]) == {"begin": 2.0}

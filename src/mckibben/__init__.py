@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from .bench.run import prepare as prepare
     from .bench.run import run as run
     from .bench.session import Session as Session
-    from .benchmarking import benchmark as benchmark
     from .errors import InputError as InputError
     from .errors import MckibbenError as MckibbenError
     from .experiments.read import protocol as protocol
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
     from .report.figures.formats import figure_style as figure_style
     from .report.figures.plots import plot_loops as plot_loops
     from .report.figures.style import save_figure as save_figure
-    from .reproduction import reproduce as reproduce
     from .simulation import Air as Air
     from .simulation import Chain as Chain
     from .simulation import Joint as Joint
@@ -63,7 +61,8 @@ if TYPE_CHECKING:
     from .studies.sizing.size import size as size
 
 # The public names by subject, each with the module that it is loaded from when it is first used: "module:name" where it has
-# another name there. Type checkers read the same names above.
+# another name there, and the extra in brackets where a package that is installed by itself brings it. Type checkers read the
+# others above.
 PUBLIC: dict[str, dict[str, str]] = {
     "Muscles and laws": {
         "muscle": "muscles.build",
@@ -113,8 +112,8 @@ PUBLIC: dict[str, dict[str, str]] = {
         "energy": "analysis.energy.working_cycles",
         "characterise": "studies.characterisation.verb",
         "diagnose": "studies.diagnosis.fault_fit",
-        "reproduce": "reproduction",
-        "benchmark": "benchmarking",
+        "reproduce": "[papers]",
+        "benchmark": "[benchmark]",
     },
     "Figures": {
         "figure_style": "report.figures.formats",
@@ -133,16 +132,17 @@ lazy_submodules(__name__)  # before `__getattr__`, which it would ask for each o
 
 def __getattr__(name: str) -> Any:
     """Load the module behind a public name when the name is first used."""
-    if name not in _SOURCES:
+    source = _SOURCES.get(name, f"[{name}]")
+    if source.startswith("["):
         # not with this package, whose import is to be light
         registry = importlib.import_module(".registry", __name__)
-        if name not in registry.PACKAGES:
+        if (extra := source.strip("[]")) not in registry.PACKAGES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        globals()[name] = package = registry.announced("mckibben.names", name, name, f"{__name__}.{name} needs")
-        return package
+        globals()[name] = value = registry.announced("mckibben.names", name, extra, f"{__name__}.{name} needs")
+        return value
     if name in ("read", "read_recording"):
         importlib.import_module(".isolation", __name__).start("mckibben.formats.registry")
-    module, _, attribute = _SOURCES[name].partition(":")
+    module, _, attribute = source.partition(":")
     value = getattr(importlib.import_module(f".{module}", __name__), attribute or name)
     globals()[name] = value
     return value

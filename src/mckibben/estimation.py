@@ -308,14 +308,36 @@ def at_bounds(parameters: Parameters, x: np.ndarray, *, share: float = 0.0) -> t
     return tuple(name for name, on in zip(parameters, near, strict=True) if on)
 
 
+class Inseparable(NamedTuple):
+    """Parameters that data do not tell apart.
+
+    Attributes:
+        names: of the parameters.
+        correlation: largest of any two of them, with its sign; None where one may change with the others unseen, and no
+            correlation says it.
+    """
+
+    names: tuple[str, ...]
+    correlation: float | None
+
+    def __str__(self) -> str:
+        *first, last = self.names
+        which = f"{', '.join(first)} and {last} apart"
+        if self.correlation is None:
+            return f"the data cannot tell {which}"
+        most = f"{self.correlation:+.4f}" if len(self.names) == 2 else f"{abs(self.correlation):.4f} at most"
+        return f"the data can hardly tell {which} (correlation {most})"
+
+
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard errors [scaled], correlation matrix, and warnings."""
+    """Standard errors [scaled], correlation matrix, what the data do not tell apart, and warnings, which say that too."""
 
     standard_error: np.ndarray
     correlation: np.ndarray
     quantile: float
     warnings: tuple[str, ...]
+    inseparable: tuple[Inseparable, ...] = ()
 
 
 def uncertainty(
@@ -345,18 +367,35 @@ def uncertainty(
     spread = np.sqrt(np.diag(inverse))
     correlation = inverse / np.where(spread > 0, spread, 1.0)[:, None] / np.where(spread > 0, spread, 1.0)[None]
     warnings = [f"the data do not contain {name}" for name, d in zip(names, dead, strict=True) if d]
+    groups = []
     for group in open_groups(directions):
         error[list(group)] = np.inf
         if len(group) > 1:
-            *first, last = (names[i] for i in group)
-            warnings.append(f"the data cannot tell {', '.join(first)} and {last} apart")
-    for i in range(p):
-        for j in range(i):
-            if abs(correlation[i, j]) > INSEPARABLE and np.isfinite(error[[i, j]]).all():
-                warnings.append(
-                    f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
-                )
-    return Uncertainty(error, correlation, float(stdtrit(degrees, 0.5 + confidence / 2.0)), tuple(warnings))
+            groups.append(Inseparable(tuple(names[i] for i in group), None))
+    groups += _hardly_told(correlation, names, np.isfinite(error))
+    warnings += map(str, groups)
+    quantile = float(stdtrit(degrees, 0.5 + confidence / 2.0))
+    return Uncertainty(error, correlation, quantile, tuple(warnings), tuple(groups))
+
+
+def _hardly_told(correlation: np.ndarray, names: tuple[str, ...], known: np.ndarray) -> list[Inseparable]:
+    """Groups of parameters that correlate by more than `INSEPARABLE`, among those with an interval, `known` (p,)."""
+    size = np.abs(correlation) * (known & known[:, None])
+    np.fill_diagonal(size, 0.0)
+    groups = []
+    for group in _chained(size > INSEPARABLE):
+        inside = np.ix_(group, group)
+        most = np.unravel_index(np.argmax(size[inside]), (len(group), len(group)))
+        groups.append(Inseparable(tuple(names[i] for i in group), float(correlation[inside][most])))
+    return groups
+
+
+def _chained(joined: np.ndarray) -> tuple[tuple[int, ...], ...]:
+    """Indices of each group of which every member is joined to another one, by bool (p, p), in ascending order."""
+    joined = joined | np.diag(joined.any(axis=1))
+    for _ in joined:  # a chain of p parameters is closed after p steps
+        joined = joined @ joined
+    return tuple(dict.fromkeys(tuple(np.flatnonzero(row).tolist()) for row in joined if row.any()))
 
 
 def determined(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -388,10 +427,7 @@ def open_groups(directions: np.ndarray) -> tuple[tuple[int, ...], ...]:
     """
     projector = np.eye(directions.shape[1]) - directions.T @ directions
     involved = np.diag(projector) > INVOLVED**2
-    joined = (np.abs(projector) > INVOLVED**2) & involved & involved[:, None]
-    for _ in projector:  # a chain of p parameters is closed after p steps
-        joined = joined @ joined
-    return tuple(dict.fromkeys(tuple(np.flatnonzero(row).tolist()) for row in joined if row.any()))
+    return _chained((np.abs(projector) > INVOLVED**2) & involved & involved[:, None])
 
 
 def posterior_uncertainty(covariance: np.ndarray, names: tuple[str, ...]) -> Uncertainty:
@@ -404,13 +440,8 @@ def posterior_uncertainty(covariance: np.ndarray, names: tuple[str, ...]) -> Unc
     error = np.sqrt(np.diag(covariance))
     size = np.where(error > 0.0, error, 1.0)
     correlation = covariance / size[:, None] / size
-    warnings = [
-        f"the data can hardly tell {names[j]} and {names[i]} apart (correlation {correlation[i, j]:+.4f})"
-        for i in range(len(names))
-        for j in range(i)
-        if abs(correlation[i, j]) > INSEPARABLE
-    ]
-    return Uncertainty(error, correlation, NORMAL_QUANTILE, tuple(warnings))
+    groups = tuple(_hardly_told(correlation, names, np.isfinite(error)))
+    return Uncertainty(error, correlation, NORMAL_QUANTILE, tuple(map(str, groups)), groups)
 
 
 def widening(residuals: Sequence[np.ndarray]) -> float:

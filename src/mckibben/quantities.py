@@ -189,6 +189,12 @@ def check_fields(owner: Any, *, where: str | None = None) -> None:
 
 
 LONGEST_UNIT = 60  # letters
+# As displays and head lines write units that pint knows otherwise, or takes for others: kp is no kilopoise here.
+_WRITTEN_OTHERWISE = {
+    "PSI": "psi", "KPA": "kPa", "KPa": "kPa", "kPA": "kPa", "kpa": "kPa", "MPA": "MPa", "BAR": "bar", "Bar": "bar",
+    "MBAR": "mbar", "mBar": "mbar", "kp": "kgf", "Kp": "kgf", "KN": "kN", "LBF": "lbf", "Lbf": "lbf", "lbs": "lbf",
+    "SEC": "s", "sec.": "s", "Sec": "s", "MM": "mm", "IN": "in",
+}  # fmt: skip
 _POWER = re.compile(r"\*\*\s*(\(\s*[-+]?\d(\.\d+)?\s*\)|[-+]?\d(\.\d+)?)(?!\s*\*\*|[\d.])")  # none of a power
 _NUMBER = re.compile(r"(?<!\w)(?!1(?![\w.]))\d")  # that is no part of a word; but 1, as in 1/s
 
@@ -206,7 +212,7 @@ def _unit(text: str) -> Any:
     Raises:
         ValueError: it is none. pint would work out whatever stands there, and 9**9**9 keeps it busy for ever.
     """
-    text = text.strip().replace("^", "**")
+    text = _WRITTEN_OTHERWISE.get(text.strip(), text.strip()).replace("^", "**").replace("·", "*")
     rest = _POWER.sub("", text)
     if len(text) > LONGEST_UNIT or "**" in rest or _NUMBER.search(rest):
         raise ValueError(text)

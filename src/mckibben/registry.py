@@ -12,7 +12,8 @@ or ``--code``, in Python by `allow_code` or as an argument, or in the environmen
 
 The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
 ``mckibben.models`` and ``mckibben.formats``. Distributions of this repository that are installed by themselves (`PACKAGES`)
-announce commands and names of ``import mckibben`` by ``mckibben.commands`` and ``mckibben.names``.
+announce commands by ``mckibben.commands``, names of ``import mckibben`` by ``mckibben.names``, pages of the web interface by
+``mckibben.pages``, and what papers print of a muscle by ``mckibben.printed``.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib
+import importlib.util
 import os
 import re
 import sys
@@ -32,7 +34,7 @@ from .errors import InputError, MissingLibraryError, not_found, shortened, sugge
 
 T = TypeVar("T")
 # Distributions of this repository that are installed by themselves, by the extra that brings each of them.
-PACKAGES = {"hosts": "mckibben-hosts"}
+PACKAGES = {"benchmark": "mckibben-benchmark", "hosts": "mckibben-hosts", "papers": "mckibben-papers"}
 # Packages whose sources are watched, so that what is lowered from their functions is kept: see `components.programs`.
 WATCHED = {__name__.partition(".")[0]}
 
@@ -60,17 +62,32 @@ def announced(group: str, name: str, package: str, purpose: str) -> Any:
         MissingLibraryError: the package is not installed.
         InputError: its version announces nothing of that name, or what cannot be imported.
     """
+    distribution, point = _announcement(group, name, package)
+    if distribution is None:
+        raise MissingLibraryError(purpose, PACKAGES[package], package)
+    if point is not None:
+        return _loaded(point)
+    problem = f"another version of {PACKAGES[package]} than {distribution.version}: pip install 'mckibben[{package}]'"
+    raise InputError(name, None, problem, sentence=f"{purpose} {problem}")
+
+
+def announced_folder(group: str, name: str, package: str) -> Path | None:
+    """Folder of a package that one of `PACKAGES` announces, without loading it; None where it is not installed."""
+    _, point = _announcement(group, name, package)
+    spec = importlib.util.find_spec(point.module) if point is not None else None
+    return None if spec is None or spec.origin is None else Path(spec.origin).parent
+
+
+def _announcement(group: str, name: str, package: str) -> tuple[Any, Any]:
+    """The distribution of one of `PACKAGES` and its entry point of that name, each None where it is not there."""
     from importlib import metadata
 
     try:
         distribution = metadata.distribution(PACKAGES[package])
     except metadata.PackageNotFoundError:
-        raise MissingLibraryError(purpose, PACKAGES[package], package) from None
-    for point in distribution.entry_points:
-        if (point.group, point.name) == (group, name):
-            return _loaded(point)
-    problem = f"another version of {PACKAGES[package]} than {distribution.version}: pip install 'mckibben[{package}]'"
-    raise InputError(name, None, problem, sentence=f"{purpose} {problem}")
+        return None, None
+    points = (point for point in distribution.entry_points if (point.group, point.name) == (group, name))
+    return distribution, next(points, None)
 
 
 def join(package: str) -> None:

@@ -146,7 +146,10 @@ ForceLevel = Annotated[str, ParameterType("LEVEL")]
 CycleNumbers = Annotated[Sequence[int] | str, ParameterType("CYCLES")]
 FileColumns = Annotated[Mapping[str, str | int], ParameterType("NAME=COLUMN")]
 FileUnits = Annotated[Mapping[str, str], ParameterType("NAME=UNIT")]
+FileScales = Annotated[Mapping[str, str], ParameterType("NAME=SCALE")]
 FileKind = Annotated[Literal["map", "recording"], ParameterType("KIND")]
+DecimalMark = Annotated[Literal[".", ","], ParameterType("MARK")]
+Header = Annotated[str, ParameterType("NAMES")]
 Label = Annotated[str, ParameterType("LABEL")]
 Inertia = Annotated[float | str, QUANTITIES["INERTIA"]]
 Course = Annotated[str, ParameterType("COURSE")]
@@ -169,11 +172,11 @@ Sheet = Annotated[str | int, ParameterType("SHEET")]
 Topic = Annotated[str, ParameterType("TOPIC")]
 PlainNumber = Annotated[float | str, ParameterType("NUMBER")]
 # How the file of another program is understood.
-READING = ("columns", "units", "period", "sheet", "topic", "gear_ratio")
+READING = ("columns", "units", "scales", "period", "decimal", "header", "sheet", "topic", "gear_ratio")
 FILE = PLACES["describe_file"]
 Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, READING))]
 PATH_READING = ("columns", "units", "pressure_zero")
-MAP_READING = (*PATH_READING, "branch", "sheet", "topic", "gear_ratio")
+MAP_READING = (*PATH_READING, "branch", "decimal", "header", "sheet", "topic", "gear_ratio")
 PathReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, PATH_READING))]
 MapReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, MAP_READING))]
 

@@ -58,7 +58,7 @@ def test_a_dropped_file_gives_the_same_ranking_parameters_and_specimen_file_as_t
     assert [r["law"] for r in shown] == [f["law"] for f in said["fits"]]
     for row, fit in zip(shown, said["fits"], strict=True):  # exact: the same function on the same file
         assert float(row["rmse"]) == fit["rmse"] and float(row["most"]) == fit["max_error"]
-        assert float(row["left"]) == fit["cv_rmse"] and float(row["aicc"]) == fit["aicc"]
+        assert float(row["left"]) == fit["left_out_rmse"] and float(row["aicc"]) == fit["aicc"]
     for fit in said["fits"]:
         page.click(f".rank tr[data-law={fit['law']}]")
         for name, estimate in fit["parameters"].items():

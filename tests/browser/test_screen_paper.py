@@ -12,7 +12,7 @@ from screen_server import says
 from typer.testing import CliRunner
 
 from mckibben.cli.app import app
-from mckibben.reproduction.rows import all_rows
+from mckibben_papers.rows import all_rows
 
 LONG = 180_000  # a process starts and compiles meanwhile [ms]
 QUICK = ("static.zero_force_angle", "static.stiffness_5bar", "energy.maximal.efficiency_accumulator")
@@ -127,7 +127,7 @@ def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
     import numpy as np
 
     from mckibben.recordings import Channel, Recording
-    from mckibben.web.pages.paper.jobs import RecordingCache
+    from mckibben_papers.page.jobs import RecordingCache
 
     made = []
 
@@ -151,7 +151,7 @@ def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_worker_that_is_closed_refuses_what_waits_and_starts_no_process_for_it(tmp_path, until, begun):
     """Else the queue begins a new process while the server ends, which finds nobody to tell it what to do."""
-    from mckibben.web.pages.paper.jobs import STOPPED, WorkerProcess
+    from mckibben_papers.page.jobs import STOPPED, WorkerProcess
 
     def children():
         return [child for child in multiprocessing.active_children() if child.name == "paper"]

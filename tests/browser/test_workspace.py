@@ -410,6 +410,14 @@ def test_an_identity_needs_its_newest_secret_and_a_name_or_an_old_one_is_worth_n
     assert pages.admit(first)[0] != name and pages.admit(third)[0] == name
 
 
+def test_a_page_may_confirm_twice_and_one_that_is_unknown_confirms_nothing():
+    pages = PageRegistry()
+    name, secret = pages.admit("")
+    for again in (name, name, "nobody"):
+        pages.confirm(again)
+    assert pages.admit(secret)[0] == name
+
+
 def test_identities_are_forgotten_in_the_order_in_which_they_came_last():
     pages = PageRegistry()
     names = [pages.admit("") for _ in range(KEPT_PAGES)]

@@ -140,6 +140,15 @@ def test_fit_recovers_a_gas_spring_from_its_table(run, tmp_path):
     assert set(best["parameters"]["shortest_length"]) == {"value", "low", "high", "unit"}
 
 
+def test_a_file_of_several_laws_is_said_to_take_the_first_whichever_was_named(run, tmp_path):
+    path, saved = table(tmp_path / "spring.csv", SPRING), tmp_path / "mine.toml"
+    words = ("fit", str(path), "--law", "ideal", "--law", "gas_spring", "--rest-length", "14 cm", "--out", str(saved))
+    said = f"{saved}: its law is gas_spring, the first of the ranking; --law takes another: ideal"
+    assert run(*words)[1].rstrip().endswith(said)
+    assert json.loads(run(*words, "--json")[1])["about_files"] == [said]
+    assert 'law = "gas_spring"' in saved.read_text()
+
+
 def test_fit_saves_a_specimen_that_tension_takes(run, tmp_path):
     path, saved = table(tmp_path / "spring.csv", SPRING), tmp_path / "mine.toml"
     run("fit", str(path), "--law", "gas_spring", "--rest-length", "14 cm", "--out", str(saved))

@@ -1,5 +1,7 @@
 """A library that comes with an extra is asked for before anything is computed, and one sentence says which extra."""
 
+import asyncio
+import html
 import sys
 from importlib import metadata
 from pathlib import Path
@@ -67,13 +69,15 @@ def test_a_package_that_announces_less_than_is_asked_for_is_of_another_version(p
 @pytest.mark.parametrize("name", [name for name, (place, _) in COMMANDS.items() if place in registry.PACKAGES])
 def test_a_command_of_a_package_that_is_not_installed_says_which_and_the_help_lists_it(name, bare, capsys):
     with pytest.raises(SystemExit) as stop:
-        main([name, "nylon"])
+        main([*name.split(), "nylon"])
     out, err = capsys.readouterr()
     assert (stop.value.code, out, err.count("\n")) == (2, "", 1)
-    assert f"mckibben {name} needs mckibben-hosts, which is not installed: pip install 'mckibben[hosts]'" in err
+    extra, (*group, last) = COMMANDS[name][0], name.split()
+    says = f"mckibben {name} needs {registry.PACKAGES[extra]}, which is not installed: pip install 'mckibben[{extra}]'"
+    assert says in err
     with pytest.raises(SystemExit) as stop:
-        main(["--help"])
-    assert stop.value.code == 0 and f"\n  {name} " in capsys.readouterr().out
+        main([*group, "--help"])
+    assert stop.value.code == 0 and f"\n  {last} " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", registry.PACKAGES)
@@ -83,6 +87,32 @@ def test_a_name_of_a_package_that_is_not_installed_says_which(name, bare):
     with pytest.raises(MissingLibraryError) as error:
         getattr(mckibben, name)
     assert str(error.value) == says
+
+
+def test_a_page_of_a_package_that_is_not_installed_says_which_and_pages_that_show_what_is_printed_go_without(bare):
+    pytest.importorskip("starlette")
+    from mckibben.web import elements, server, widgets
+    from mckibben.web.pages.compare.drawings import paper_values
+
+    (page,) = (one for one in widgets.PAGES if one.extra)
+    assert paper_values("nylon")["efficiency"] == 0.29
+    bare.setattr(registry, "_entry_points", tuple)
+    registry.plugins.cache_clear()
+    try:
+        assert paper_values("nylon") == {}
+    finally:
+        registry.plugins.cache_clear()
+
+    async def shown() -> str:
+        documents = elements.Documents()
+        opened = documents.open()
+        with opened.root:
+            server._builder(page)(None, None)
+        documents.close_all()
+        return html.unescape(widgets.written(opened))
+
+    says = "The page The paper needs mckibben-papers, which is not installed: pip install 'mckibben[papers]'."
+    assert says in asyncio.run(shown())
 
 
 def test_where_it_was_asked_for_stays_in_front_of_the_sentence(monkeypatch):

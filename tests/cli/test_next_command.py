@@ -136,3 +136,36 @@ def test_a_tension_outside_of_the_interval_beside_it_is_explained(capsys, fit, s
         main([*words, *(["--set", f"stiffness_per_pressure={stiffness}"] if stiffness else [])])
     _, err = capsys.readouterr()
     assert stop.value.code == 0 and ("lies outside of the 95 % of the posterior" in " ".join(err.split())) == said
+
+
+def test_the_readings_of_a_muscle_like_others_are_at_rest_and_shortened_and_each_narrows_it(run) -> None:
+    rigs = {}
+    for words in ((), ("--same-rig",)):
+        code, out, _ = run("--like", "festo-10mm", "--set", "rest_length=132 mm", *words, "--json")
+        found = json.loads(out)
+        first, second = found["readings"]
+        assert code == 0 and first["length"] == pytest.approx(0.132, rel=1e-12)
+        assert first["pressure"] == second["pressure"] == 5.5e5
+        assert found["half_width_now"] > first["half_width"] > second["half_width"] > 0.0
+        assert all(one["low"] <= one["tension"] <= one["high"] for one in (first, second))
+        rigs[bool(words)] = found
+    assert rigs[True]["readings"][1]["length"] == pytest.approx(0.96 * 0.132, rel=1e-12)
+    # the most contracted that was measured, in proportion; or that is used
+    assert rigs[False]["readings"][1]["length"] == pytest.approx(0.132 * 244.25 / 281.0, rel=1e-9)
+    assert rigs[False]["half_width_now"] > rigs[True]["half_width_now"]
+    used = run("--like", "festo-10mm", "--set", "rest_length=132 mm", "--length", "118 mm", "--json")[1]
+    assert json.loads(used)["readings"][1]["length"] == pytest.approx(0.118, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "--from is missing: the result of a fit with samples, or --like the specimen of a muscle's make"),
+        (("--like", "nylon"), "nylon does not state how far muscles of its make differ"),
+        (("--like", "festo-10mm", "--rig", "modern"), "--rig is allowed only without --like"),
+        (("--like", "festo-10mm", "--length", "30 cm"), "between"),
+    ],
+)
+def test_readings_that_cannot_be_chosen_are_refused_in_a_sentence(run, words, said) -> None:
+    code, _, err = run(*words)
+    assert code == 2 and said in err

@@ -186,3 +186,40 @@ def test_bad_waveforms_are_refused_by_file_and_dotted_path(entry, says):
         read_waveform(entry, "Pa", field="signals.x", where="f.toml")
     assert says in str(error.value)
     assert re.match("f.toml: (Unknown (field ')?)?signals.x", str(error.value))
+
+
+FASTEST = {
+    "constant": 0.0, "square": 2.0, "pwm": 5.0 * 10.0, "prbs": 0.5 / 20e-3, "triangle": 1.0, "sine": 0.5, "chirp": 20.0,
+    "multisine": 7.0, "noise": 3.0 * 10.0, "sum": 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FASTEST)
+def test_the_fastest_rate_of_a_waveform_is_what_its_numbers_say(kind):
+    assert made(kind).fastest == pytest.approx(FASTEST[kind], rel=1e-12)  # one product
+    if kind == "chirp":
+        assert made(kind, **{"from": "20 Hz", "to": "1 Hz"}).fastest == 20.0
+
+
+def test_a_held_table_keeps_each_value_until_the_next_point_and_a_straight_one_runs_through_them():
+    held, straight = (made("table", between=between) for between in ("held", "straight"))
+    assert held.at(np.array([0.0, 0.999, 1.0, 1.999, 2.0, 9.0])).tolist() == [0.0, 0.0, 1e5, 1e5, 0.0, 0.0]
+    assert held.at(np.array([-1.0]))[0] == 0.0 and not held.straight and straight.straight
+    assert straight.at(np.array([0.5, 1.5, 9.0])).tolist() == [5e4, 5e4, 0.0]
+    with pytest.raises(InputError, match="straight or held"):
+        made("table", between="curved")
+
+
+def test_a_table_of_a_file_begins_at_zero_and_keeps_its_values():
+    asked = []
+
+    def files(file, time, column, unit):
+        asked.append((file, time, column, unit))
+        return np.array([3.0, 3.5, 5.0]), np.array([1.0, 2.0, 3.0])
+
+    entry = {"kind": "table", "file": "a.csv", "time": "t", "column": "p"}
+    wave = read_waveform(entry, "Pa", field="signals.x", where="f.toml", table=files)
+    assert asked == [("a.csv", "t", "p", "Pa")]
+    assert (wave.times, wave.values, wave.file) == ((0.0, 0.5, 2.0), (1.0, 2.0, 3.0), "a.csv")
+    with pytest.raises(InputError, match="no files can be read here"):
+        read_waveform(entry, "Pa", field="signals.x", where="f.toml")

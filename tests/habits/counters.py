@@ -18,7 +18,7 @@ import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +42,12 @@ class Import(NamedTuple):
     typing: bool = False  # for type checkers alone
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file, parsed once; nobody changes it."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 @dataclass(frozen=True)
 class House:
     """The parsed modules of one distribution.
@@ -63,7 +69,7 @@ class House:
         for path in sorted(folder.rglob("*.py")):
             parts = [name, *path.relative_to(folder).with_suffix("").parts]
             module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-            house.trees[module] = ast.parse(path.read_text(encoding="utf-8"))
+            house.trees[module] = parsed(path)
             house.paths[module] = path
         return house
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import counters
 import pytest
+from counters import parsed
 
 import lanewise
 import mckibben
@@ -134,9 +135,17 @@ def sources() -> list[Path]:
 
 
 @functools.cache
-def parsed(path: Path) -> ast.Module:
-    """The syntax tree of a module, parsed once; nobody changes it."""
-    return ast.parse(path.read_text(encoding="utf-8"))
+def read_house() -> counters.House:
+    """The modules of the package, read once for all tests."""
+    return counters.House.read("mckibben", PACKAGE)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_sources() -> Iterator[None]:
+    """Trees of all sources are a few hundred megabytes that no other file asks for."""
+    yield
+    read_house.cache_clear()
+    parsed.cache_clear()
 
 
 def definitions(body: list[Any]) -> Iterator[Any]:
@@ -246,7 +255,7 @@ def test_only_the_table_of_what_is_carried_out_above_names_a_package_above_its_o
         0
     ]["layers"]
     height = {room: -row for row, layer in enumerate(layers) for room in layer.split(" | ")} | {"": 1, "__main__": 1}
-    house = counters.House.read("mckibben", PACKAGE)
+    house = read_house()
     upwards = []
     for one in (*house.imports, *house.named_modules):
         below, above = ((*name.split("."), "")[1] for name in (one.importer, one.imported))
@@ -256,7 +265,7 @@ def test_only_the_table_of_what_is_carried_out_above_names_a_package_above_its_o
 
 
 def test_what_the_table_names_is_there() -> None:
-    house = counters.House.read("mckibben", PACKAGE)
+    house = read_house()
     for place in accessors.PLACES.values():
         module, _, name = place.partition(":")
         assert name in {getattr(node, "name", "") for node in house.trees[f"mckibben.{module}"].body}, place
@@ -264,7 +273,7 @@ def test_what_the_table_names_is_there() -> None:
 
 def test_no_file_leads_back_to_itself_but_through_the_dimensions_of_a_braid() -> None:
     """A law's range follows from the braid's dimensions, and these laws are built as any other: four files, to be cut."""
-    circles = counters.House.read("mckibben", PACKAGE).circles()
+    circles = read_house().circles()
     assert [circle for circle in circles if "mckibben.muscles.sleeve" not in circle.split()] == []
 
 
@@ -307,7 +316,7 @@ def test_what_is_run_by_hand_imports_only_what_there_is(folder: str) -> None:
     """A benchmark that a move has left behind would be found out only when somebody wants its number."""
     lost = []
     for path in sorted((ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(path)):
             if not isinstance(node, ast.ImportFrom) or not re.match(r"(mckibben|lanewise)", node.module or ""):
                 continue
             spec = importlib.util.find_spec(str(node.module))

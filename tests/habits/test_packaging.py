@@ -4,18 +4,26 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
 from packaging.specifiers import SpecifierSet
 
 import lanewise
 import mckibben
+import mckibben_benchmark
 import mckibben_hosts
+import mckibben_papers
 from mckibben.extras import LIBRARIES
 from mckibben.registry import PACKAGES
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 COMPILER = tomllib.loads((ROOT / "packages/lanewise/pyproject.toml").read_text(encoding="utf-8"))["project"]
-HOSTS = tomllib.loads((ROOT / "packages/mckibben-hosts/pyproject.toml").read_text(encoding="utf-8"))["project"]
+ABOVE = {
+    package.__name__.replace("_", "-"): (package, tomllib.loads((folder / "pyproject.toml").read_text())["project"])
+    for package in (mckibben_benchmark, mckibben_hosts, mckibben_papers)
+    for folder in [Path(package.__file__).parents[2]]
+}
+HOSTS = ABOVE["mckibben-hosts"][1]
 BOUNDED = [r for r in {*PROJECT["dependencies"], *COMPILER["dependencies"]} if not r.startswith("lanewise")]
 WORKFLOW = (ROOT / ".github/workflows/test.yml").read_text(encoding="utf-8")
 
@@ -65,20 +73,27 @@ def test_the_demonstration_installs_what_the_package_needs_and_what_writes_pdf()
     assert asked <= pinned
 
 
-def test_a_package_above_asks_for_this_one_and_its_extra_brings_it() -> None:
-    """The bounds of both are the version of either; every extra of such a package is one of mckibben, too."""
-    (asked,) = [r for r in HOSTS["dependencies"] if re.match(r"mckibben\W", r)]
-    assert mckibben.__version__ in SpecifierSet(asked.removeprefix("mckibben"))
+def test_the_packages_above_are_those_that_mckibben_knows() -> None:
+    assert set(ABOVE) == set(PACKAGES.values())
     extras = PROJECT["optional-dependencies"]
     assert {extra: names(extras[extra]) for extra in PACKAGES} == {e: {n} for e, n in PACKAGES.items()}
-    brought = [r for listed in extras.values() for r in listed if r.startswith("mckibben-hosts")]
-    assert {re.sub(r"^mckibben-hosts(\[\w+\])?", "", r) for r in brought} == {asked.removeprefix("mckibben")}
-    assert mckibben_hosts.__version__ in SpecifierSet(asked.removeprefix("mckibben"))
+
+
+@pytest.mark.parametrize("name", ABOVE)
+def test_a_package_above_asks_for_this_one_and_its_extra_brings_it(name: str) -> None:
+    """The bounds of both are the version of either; every extra of such a package is one of mckibben, too."""
+    package, project = ABOVE[name]
+    (asked,) = [r for r in project["dependencies"] if re.match(r"mckibben\W", r)]
+    assert mckibben.__version__ in SpecifierSet(asked.removeprefix("mckibben"))
+    extras = PROJECT["optional-dependencies"]
+    brought = [r for listed in extras.values() for r in listed if r.startswith(name)]
+    assert {re.sub(rf"^{name}(\[\w+\])?", "", r) for r in brought} == {asked.removeprefix("mckibben")}
+    assert package.__version__ in SpecifierSet(asked.removeprefix("mckibben"))
     assert {e for e, listed in extras.items() if listed in ([r] for r in brought)} - set(PACKAGES) == set(
-        HOSTS["optional-dependencies"]
+        project.get("optional-dependencies", ())
     )
-    assert HOSTS["requires-python"] == PROJECT["requires-python"]
-    assert Path(mckibben_hosts.__file__).with_name("py.typed").is_file()
+    assert project["requires-python"] == PROJECT["requires-python"]
+    assert Path(package.__file__).with_name("py.typed").is_file()
 
 
 def test_every_library_that_is_asked_for_comes_with_its_extra() -> None:

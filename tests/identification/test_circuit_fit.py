@@ -11,7 +11,9 @@ from scipy import stats
 from mckibben.assembly.circuit_file import read_circuit
 from mckibben.bench.circuit_run import run_circuit
 from mckibben.engine import held, ramped
+from mckibben.errors import ConvergenceError
 from mckibben.identification import CircuitFit, Trial, fit_circuit
+from mckibben.identification.circuit_fit import run_trial
 from mckibben.identification.trial import trial_from_record
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.orifice import Leak, Orifice
@@ -322,3 +324,22 @@ def test_a_recorded_supply_drives_its_reservoir_though_the_file_has_a_constant(t
     renamed = {n.replace("port.", "hose."): c for n, c in record.channels.items()}
     other = trial_from_record(plan, Recording(record.time, renamed), name="ramp")
     assert "hose.pressure is not used" in str(other.cautions[0])
+
+
+@pytest.mark.parametrize("halvings", range(6))
+def test_a_trial_that_needs_a_shorter_step_gets_half_of_it_up_to_four_times(halvings):
+    asked = []
+
+    class Stiff:
+        def run(self, changes, *, step):
+            asked.append(step)
+            if step > 1e-3 / 2**halvings:
+                raise ConvergenceError("too stiff")
+            return changes
+
+    if halvings <= 4:
+        assert run_trial(Stiff(), {"a": 1.0}, step=1e-3) == {"a": 1.0}
+    else:
+        with pytest.raises(ConvergenceError):
+            run_trial(Stiff(), {}, step=1e-3)
+    assert asked == [1e-3 / 2**k for k in range(min(halvings, 4) + 1)]

@@ -112,3 +112,15 @@ def test_stored_gas_is_worth_something_unless_it_is_the_rooms_air(p, t):
     assert float(DEAD.flowing(DEAD.see(101325.0, 293.15))) == 0.0
     # without cooling a compressor needs more than with it
     assert float(DEAD.compression(7e5, cooled=False)) > float(DEAD.compression(7e5, cooled=True)) > 0.0
+
+
+@pytest.mark.parametrize("pressure", [101325.0, 101425.0, 3e5, 7e5])
+def test_the_least_work_of_compression_is_its_closed_form_and_none_for_the_rooms_air(pressure):
+    """R T ln r with cooling; with none of it, the rise of the enthalpy along the isentrope."""
+    ratio, room = pressure / 101325.0, 293.15
+    gas, heat_ratio = float(AIR.gas_constant), float(AIR.heat_ratio)
+    cooled, share = gas * room * np.log(ratio), (heat_ratio - 1.0) / heat_ratio
+    hot = gas / share * room * (ratio**share - 1.0)
+    # rounding of r - 1 against enthalpies of 300 kJ/kg
+    assert float(DEAD.compression(pressure, cooled=True)) == pytest.approx(cooled, rel=1e-10, abs=1e-9)
+    assert float(DEAD.compression(pressure, cooled=False)) == pytest.approx(hot, rel=1e-10, abs=1e-9)

@@ -317,3 +317,11 @@ def test_a_muscle_sweeps_less_the_shorter_it_is_until_it_sweeps_nothing(angle):
     slope = jax.grad(lambda x: volume.volume(3e5, x, 0.0).value)(angle)
     assert float(state.moving) == pytest.approx(2.0 * float(slope), rel=1e-12, abs=1e-18)
     assert float(state.per_pressure) == 1e-11
+
+
+def test_an_end_factor_is_never_below_a_twentieth_whatever_the_pressure() -> None:
+    law = example("tondu_lopez").replace(end_factor=0.5, end_factor_gain=-0.5, end_factor_pressure=1e5)
+    factor = np.array([float(law.end_factor_at(p)) for p in (-1e5, 0.0, 1e3, 1e5, 3e5)])
+    assert factor[:3].tolist() == [0.05, 0.05, 0.05]  # 0.5 - 0.5 exp(-0.01) is a tenth of that
+    # two roundings of an exponential
+    assert factor[3:] == pytest.approx([0.5 - 0.5 * np.exp(-1.0), 0.5 - 0.5 * np.exp(-3.0)], rel=1e-14)

@@ -121,3 +121,17 @@ def test_the_test_sees_a_volume_that_is_not_conjugate(law: str) -> None:
     at = grid(example(law))
     largest = np.abs(at["F_P"]).max(axis=1, keepdims=True)
     assert not (np.abs(1.001 * at["F_P"] + at["V_L"]) <= 1e-10 * largest).all()
+
+
+@pytest.mark.parametrize("name", ["ideal nylon", "linear_threshold nylon", "gas_spring", "tondu_lopez"])
+def test_the_volume_changes_with_the_length_as_soon_as_the_braid_pulls_and_not_before(name: str) -> None:
+    law, pressure = examples()[name], 3e5
+    free = float(law.free_length(pressure))
+    stiffness = float(law.stiffness(free * 1.001, pressure))
+    for force in (1e-3, 0.5, 2.0):  # [N]
+        length = free + force / stiffness
+        assert 0.2 * force < float(law.tension(length, pressure)) < 5.0 * force
+        by_pressure = (float(law.tension(length, pressure + 1.0)) - float(law.tension(length, pressure - 1.0))) / 2.0
+        # a difference of second order over 2 Pa of 3 bar: 1e-10; tensions of 100 N round by 1e-14 of them
+        assert float(law.volume_change(length, pressure)) == pytest.approx(-by_pressure, rel=1e-6)
+    assert float(law.volume_change(free - 1e-3 * free, pressure)) == 0.0 == float(law.tension(free * 0.999, pressure))

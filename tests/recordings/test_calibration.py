@@ -1,5 +1,6 @@
 """A calibration in a recording: what it says, when it ends, and that another one can be applied without any loss."""
 
+import dataclasses
 import datetime
 import json
 import math
@@ -272,3 +273,34 @@ def test_what_does_not_fit_the_recording_is_refused_in_one_line(new, said):
 def test_a_converter_in_the_meta_that_is_none_is_refused(converter):
     with pytest.raises(InputError, match="converters.tension"):
         recalibrate(recording({"converters": {"tension": converter}}), calibration())
+
+
+@pytest.mark.parametrize(
+    ("degrees", "confidence", "factor"),
+    # Student's t as printed: NIST/SEMATECH e-Handbook of Statistical Methods, table 1.3.6.7.2
+    [(1.0, 0.95, 12.706), (10.0, 0.95, 2.228), (10.0, 0.99, 3.169), (math.inf, 0.95, 1.960), (math.inf, 0.99, 2.576)],
+)
+def test_an_interval_reaches_as_far_as_students_t_on_either_side(degrees, confidence, factor):
+    low, high = CorrectionTerm(2.0, 0.1, degrees).interval(confidence)
+    assert (low, high) == pytest.approx(
+        (2.0 - 0.1 * factor, 2.0 + 0.1 * factor), abs=0.1 * 5e-4
+    )  # three places printed
+
+
+def test_terms_determined_later_leave_other_channels_and_take_over_new_ones():
+    whole, zero = calibration(), Correction(unit="N", terms={"zero": CorrectionTerm(3.5, 0.02)}, sensor="S/N 1")
+    other = Correction(unit="Pa", terms={"zero": CorrectionTerm(10.0, 1.0)})
+    after = whole.updated({"tension": zero, "pressure": other}, "2026-07-01T00:00:00+00:00")
+    assert after.corrections["tension"] == whole.corrections["tension"].updated(zero)
+    assert (after.corrections["pressure"], after.created, after.rig) == (other, "2026-07-01T00:00:00+00:00", whole.rig)
+    assert calibration(valid_for=math.inf).corrections["tension"].terms["gain"].origin.expires is None
+
+
+def test_of_two_terms_the_one_that_is_too_old_is_named_alone():
+    one = calibration(valid_for=30.0 * DAY).corrections["tension"]
+    young = dataclasses.replace(one.terms["gain"], origin=origin(valid_for=math.inf))
+    whole = dataclasses.replace(
+        calibration(), corrections={"tension": dataclasses.replace(one, terms={**one.terms, "gain": young})}
+    )
+    (said,) = whole.expired("2027-01-01T00:00:00+00:00")
+    assert said.startswith("the calibration of tension (zero by weights on 2026-03-31, valid for 30 days)")

@@ -50,3 +50,14 @@ def test_contractions_are_read_as_fractions_or_per_cent_by_their_header(tmp_path
     )
     points = mk.read(file, rest_length=0.2)
     assert np.asarray(points.length) == pytest.approx([0.2, 0.18, 0.16], rel=1e-12)  # rounding of the text
+
+
+def test_a_data_frame_has_a_column_for_each_quantity_that_is_known():
+    pytest.importorskip("pandas")
+    points = mk.ForceMap("map", np.array([0.11, 0.14]), np.array([2e5, 4e5]), np.array([8.0, 70.0]))
+    frame = points.to_dataframe()
+    assert {name: frame[name].tolist() for name in frame} == {
+        "length": [0.11, 0.14],
+        "pressure": [2e5, 4e5],
+        "tension": [8.0, 70.0],
+    }

@@ -1,11 +1,14 @@
 """Formats of other packages are found by their entry points."""
 
+import json
+
 import numpy as np
 import pytest
 
 from mckibben import registry
 from mckibben.errors import InputError
-from mckibben.formats.table import FileFormat, ForeignColumn, ForeignTable
+from mckibben.formats import sidecar
+from mckibben.formats.table import Channel, FileFormat, ForeignColumn, ForeignTable
 from mckibben.recordings import read_any, read_force_map, write
 
 
@@ -45,3 +48,50 @@ def test_without_other_packages_an_unknown_suffix_is_refused(tmp_path):
     (tmp_path / "a.pairs").write_text("1")
     with pytest.raises(InputError, match="[Kk]nown are .nc, .csv"):
         read_any(tmp_path / "a.pairs")
+
+
+CHANNELS = {"tension": Channel([1.0, 2.0], "N", "measured", "of the cell"), "pressure_abs": Channel([3.0, 4.0], "Pa")}
+LINE = json.loads(sidecar.dumps(CHANNELS, {"title": "a", "list": [1.0, 2]}, 2))
+
+
+def test_the_line_beside_a_table_gives_back_channels_and_meta():
+    meta = {"title": "Grösse", "numbers": [1.5, float("inf"), -float("inf")], "more": {"x": None, "y": True}}
+    back = sidecar.loads(sidecar.dumps(CHANNELS, meta, 2))
+    assert (back.meta, back.samples) == (meta, 2)
+    assert sidecar.loads(sidecar.dumps(CHANNELS, meta)).samples is None
+    columns = {"t": [0.0, 1.0], "a": [1.0, 2.0], "b": [3.0, 4.0]}
+    read = back.from_columns(columns, "t", ["a", "b"], "f")
+    assert read.time.tolist() == [0.0, 1.0]
+    assert {name: (c.values.tolist(), c.unit, c.kind, c.meaning) for name, c in read.channels.items()} == {
+        name: (c.values.tolist(), c.unit, c.kind, c.meaning) for name, c in CHANNELS.items()
+    }
+    for missing in ("t", "a", "b"):
+        with pytest.raises(InputError, match=f"f: column {missing} is missing"):
+            back.from_columns({k: v for k, v in columns.items() if k != missing}, "t", ["a", "b"], "f")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("{", "must be JSON"),
+        ("[1]", "must be an object of JSON"),
+        (json.dumps(LINE | {"schema": None}), "schema is missing"),
+        (json.dumps(LINE | {"schema": 0}), "must be a whole number from 1"),
+        (json.dumps(LINE | {"schema": True}), "must be a whole number from 1"),
+        (json.dumps(LINE | {"schema": sidecar.SCHEMA + 1}), "a newer one wrote it"),
+        (json.dumps(LINE | {"channels": {}}), "must be a list of objects"),
+        (json.dumps(LINE | {"channels": [1]}), "must be a list of objects"),
+        (json.dumps(LINE | {"channels": 2 * LINE["channels"]}), "must be each name once"),
+        (json.dumps(LINE | {"channels": [{"name": "a", "unit": "furlong"}]}), "unit"),
+        (json.dumps(LINE | {"meta": []}), "must be an object"),
+    ],
+)
+def test_a_damaged_line_is_refused_by_what_is_wrong_in_it(line, said):
+    with pytest.raises(InputError, match=said) as caught:
+        sidecar.loads(line, "a.csv")
+    assert str(caught.value).startswith("a.csv") and "\n" not in str(caught.value)
+
+
+def test_a_place_in_a_file_is_named_by_its_row_or_counted_from_one():
+    assert ForeignTable([]).place(0) == ", sample 1"
+    assert ForeignTable([], rows=[7, 9]).place(1) == ", row 9"

@@ -1,5 +1,6 @@
 """A damaged log gives back what is sound and never crashes or hangs; MCAP files of others are read, or refused in a line."""
 
+import dataclasses
 import io
 import json
 import math
@@ -19,6 +20,8 @@ from mckibben.errors import InputError
 from mckibben.formats.live_log import HEAD
 from mckibben.formats.mcap import write_log
 from mckibben.formats.mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
+from mckibben.formats.mcap_records import _unpacked as unpack
+from mckibben.formats.messages import LoggedMessage, json_message, protobuf_decoder, ros_message
 from mckibben.recordings import Channel, LiveLog, Recording, read_any
 from mckibben.recordings.files import read_log
 
@@ -278,13 +281,59 @@ def test_plain_ros_messages_of_others_become_channels(tmp_path: Path) -> None:
     assert any("/p is left out: its messages are protobuf" in line for line in read.remarks)
 
 
-def test_topics_of_two_clocks_must_be_chosen_from(tmp_path: Path) -> None:
+@dataclasses.dataclass
+class Inner:
+    force: float = 2.5
+
+
+@dataclasses.dataclass
+class Outer:
+    inner: Inner = dataclasses.field(default_factory=Inner)
+    ok: bool = True
+    count: int = 3
+    who: str = "me"
+    samples: list[float] = dataclasses.field(default_factory=lambda: [1.0, 2.0])
+    none: list[float] = dataclasses.field(default_factory=list)
+
+
+def in_protobuf(message: Outer) -> LoggedMessage:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    kinds = {"force": 1, "ok": 8, "count": 5, "who": 9, "samples": 1, "none": 1, "inner": 11}
+    file = descriptor_pb2.FileDescriptorProto(name="a.proto", syntax="proto3")
+    for name, fields in (("Inner", ["force"]), ("Outer", ["inner", "ok", "count", "who", "samples", "none"])):
+        made = file.message_type.add(name=name)
+        for number, field in enumerate(fields, 1):
+            kept = made.field.add(
+                name=field, number=number, type=kinds[field], label=3 if field in ("samples", "none") else 1
+            )
+            if field == "inner":
+                kept.type_name = ".Inner"
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    values = dataclasses.asdict(message)
+    data = message_factory.GetMessageClass(pool.FindMessageTypeByName("Outer"))(**values).SerializeToString()
+    schema = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    return protobuf_decoder("Outer", schema, where="a.mcap")(data)
+
+
+def test_a_message_says_the_same_in_every_encoding() -> None:
+    one = LoggedMessage({"inner.force": 2.5, "ok": True, "count": 3.0}, None, ("samples",))
+    for said in (json_message(dataclasses.asdict(Outer())), ros_message(Outer()), in_protobuf(Outer())):
+        assert said == one
+        assert [type(value) is bool for value in said.numbers.values()] == [False, True, False]
+
+
+def test_lists_in_messages_are_left_out_with_a_word(tmp_path: Path) -> None:
+    path = foreign(tmp_path / "a.mcap", {"/rig": as_json(*({"p": float(i), "raw": [1, 2]} for i in range(3)))})
+    assert "/rig.raw is left out: it is a list" in read_any(path, units={"p": "N"}).remarks
+
+
+def test_topics_of_two_clocks_are_one_record_on_the_finer_and_it_is_said(tmp_path: Path) -> None:
     topics = {"/a": as_json({"f": 1}, {"f": 2}), "/b": as_json({"p": 1}, {"p": 2}, {"p": 3}, step=10**6)}
     path = foreign(tmp_path / "a.mcap", topics)
-    with pytest.raises(
-        InputError, match=r"the columns have 2 clocks \(/a: a\.f; /b: b\.p\), and a recording has one time"
-    ):
-        read_any(path)
+    both = read_any(path, units={"a.f": "N", "b.p": "kPa"})
+    assert "a.f is interpolated to the times of b.p" in both.remarks
     read = read_any(path, columns={"pressure": "b.p"}, units={"pressure": "kPa"})
     assert read.recording["pressure"].tolist() == [1e3, 2e3, 3e3]
 
@@ -302,6 +351,20 @@ def test_damaged_files_of_others_are_read_or_refused(data: st.DataObject) -> Non
             read_any(path, units={"p": "N"})
         except InputError as error:
             assert "\n" not in str(error)
+
+
+def test_a_chunk_is_unpacked_to_its_stated_size_whether_its_frame_states_one_or_not() -> None:
+    import lz4.frame
+    import zstandard
+
+    data = b"0123456789" * 20
+    zstd = [zstandard.ZstdCompressor(write_content_size=stated).compress(data) for stated in (True, False)]
+    for kind, packed in (*((b"zstd", one) for one in zstd), (b"lz4", lz4.frame.compress(data))):
+        assert unpack(kind, packed, len(data)) == data
+        assert unpack(kind, packed[: len(packed) // 2], len(data)) != data
+    for size in (0, 10, len(data) + 1):
+        assert unpack(b"zstd", zstd[0], size) is None  # it states another one
+    assert unpack(b"gzip", data, len(data)) is None and unpack(b"zstd", b"nothing", 7) is None
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:

@@ -486,3 +486,14 @@ def test_a_picture_called_csv_is_refused(tmp_path: Path) -> None:
     path.write_bytes(bytes(range(256)) * 4)
     with pytest.raises(InputError, match=r"picture.csv"):
         read_recording(path)
+
+
+def test_a_data_frame_has_the_time_for_its_index_and_the_meta_beside_it() -> None:
+    pytest.importorskip("pandas")
+    record = Recording(
+        [0.0, 0.5, 2.0], {"a": Channel([1.0, 2.0, 3.0], "N"), "b": Channel([4.0, 5.0, 6.0], "Pa")}, {"title": "t"}
+    )
+    frame = record.to_dataframe()
+    assert (frame.index.name, frame.index.tolist()) == ("time", [0.0, 0.5, 2.0])
+    assert {name: frame[name].tolist() for name in frame} == {"a": [1.0, 2.0, 3.0], "b": [4.0, 5.0, 6.0]}
+    assert frame.attrs["title"] == "t"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mckibben.errors import InputError
-from mckibben.formats.text import with_points
 from mckibben.recordings import Channel, Recording, read_force_map, read_recording
+from mckibben.recordings.files import understand
 from mckibben.recordings.force_map import preview_table, stated_unit
 from mckibben.recordings.recording import notes_of
 
@@ -37,9 +37,14 @@ def tdms(path):
 
 
 @pytest.mark.parametrize("mark", [",", "."])
-def test_a_number_with_two_marks_shows_that_they_part_thousands_in_the_whole_column(mark):
-    cells = ["1,234,567", "2,345", "-0"]
-    assert with_points([c.replace(",", mark) for c in cells], [1, 2, 3], "force", "a.csv") == ["1234567", "2345", "-0"]
+def test_a_number_with_two_marks_shows_that_they_part_thousands_in_the_whole_file(tmp_path, mark):
+    rows = "\n".join(
+        f"{i};{c}" for i, c in enumerate(("1,234,567".replace(",", mark), "2,345".replace(",", mark), "-0"))
+    )
+    (tmp_path / "a.csv").write_text(f"time [s];force [N]\n{rows}\n")
+    read = understand(tmp_path / "a.csv")
+    assert read.data["force"].tolist() == [1234567.0, 2345.0, 0.0]
+    assert "parts thousands" in " ".join(read.remarks)
 
 
 @pytest.mark.parametrize("made", [mat, tdms])

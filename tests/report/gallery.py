@@ -12,7 +12,7 @@ import numpy as np
 
 import mckibben as mk
 from machine_records import machine_record
-from mckibben.analysis.energy import cycle_loops
+from mckibben.analysis.energy import cycle_loops, energy_curve
 from mckibben.analysis.energy_parts import EnergyAccount, EnergyPart
 from mckibben.analysis.frequency import FrequencyResponse
 from mckibben.analysis.repeatability import Repeatability
@@ -29,19 +29,19 @@ from mckibben.report.figures import (
     energy_figures,
     fit_figures,
     muscle_figures,
-    ranking_figures,
     recording_figures,
     run_figures,
     sizing_figures,
     study_figures,
 )
-from mckibben.report.paper_figures import FIGURES
-from mckibben.reproduction import part4
 from mckibben.specimens import specimen
 from mckibben.studies import tube_models
 from mckibben.studies.design import Design, DesignStudy
 from mckibben.studies.sizing.candidate import VERDICTS
 from mckibben.studies.sizing.requirements import Requirements
+from mckibben_benchmark import figures as benchmark_figures
+from mckibben_papers import part4
+from mckibben_papers.figures import FIGURES
 
 record = functools.cache(functools.partial(machine_record, pressure=["1 bar", "3 bar", "5 bar"]))
 
@@ -174,6 +174,12 @@ def tubes() -> Any:
         cases={(t, a): cases for t in ("isothermal", "adiabatic", "wall_heat") for a in accumulators},
         result=result,
     )
+
+
+def efficiency() -> energy_figures.EfficiencyLine:
+    """Efficiency of maximal shortening of Part IV."""
+    curve = energy_curve(part4.muscle(), "maximal", np.linspace(1e5, 10e5, 61), part4.conditions())
+    return energy_figures.EfficiencyLine("surroundings", curve)
 
 
 def validated() -> Any:
@@ -345,8 +351,8 @@ def studied() -> dict[str, Callable[[], Any]]:
         "sizing": lambda: sizing_figures.design_map(sizing()),
         "design front": lambda: sizing_figures.design_front(designs()),
         "tubes": lambda: study_figures.tube_figure(tubes()),
-        "validation": lambda: ranking_figures.errors_figure(validated()),
-        "loop study": lambda: study_figures.loop_study_figure(loop_study()),
+        "validation": lambda: benchmark_figures.errors_figure(validated()),
+        "loop study": lambda: benchmark_figures.loop_study_figure(loop_study()),
         "circuit fit": lambda: run_figures.overview(*circuit_fit(), title="A tank behind a tube"),
         "circuit run": lambda: run_figures.run_figure(circuit_run()),
         "joint": lambda: run_figures.joint_figure(joint_record()),
@@ -358,7 +364,7 @@ def studied() -> dict[str, Callable[[], Any]]:
             ],
             title="Nylon muscle",
         ),
-        "efficiency": lambda: energy_figures.figure_12(),
+        "efficiency": lambda: energy_figures.efficiency_figure([efficiency()], title="Nylon muscle"),
         "bode": lambda: analysis_figures.bode_figure(response, bode, cutoff=5.0),
         "repeatability": lambda: analysis_figures.repeatability_figure(
             repeated, title="Work loops", channel="Tension, N", over="Phase of the cycle"

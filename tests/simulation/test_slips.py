@@ -256,3 +256,12 @@ def test_what_a_person_or_a_file_states_is_not_assumed_though_it_equals_the_defa
     text += '\n[properties.largest_strain]\nvalue = 3.5\nunit = "%"\n'
     (tmp_path / "own.toml").write_text(text.replace('id = "nylon"', 'id = "own"'), encoding="utf-8")
     assert strain not in assumed(str(tmp_path / "own.toml"))
+
+
+def test_a_parameter_that_is_changed_is_judged_as_one_that_is_stated():
+    sim = mk.Simulation(mk.Weight("nylon", mass="5 kg"))
+    assert said(lambda: sim.with_parameters({"load.mass": "6 kg"})) == ""
+    assert "a load.mass of 5 t can hardly be meant" in said(lambda: sim.with_parameters({"load.mass": "5 t"}))
+    with pytest.warns(mk.errors.PlausibilityWarning):
+        changed = sim.with_parameters({"load.mass": "5 t"})
+    assert [one.parameter for one in changed.cautions] == ["load.mass"]

@@ -1,5 +1,7 @@
 """How far another muscle of a specimen's make is from its law, and a muscle that was calibrated by readings."""
 
+import csv
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,10 @@ import mckibben as mk
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.identification.between import Between
 from mckibben.identification.calibration import new_muscle
-from mckibben.muscles.evidence import law_error, make_spread
+from mckibben.muscles.evidence import error_of, law_error, make_band, make_spread
 from mckibben.specimens.model import BETWEEN_COMPONENTS
 from mckibben.studies.tension import tension
+from measured_data import FOLDER, measured
 
 READINGS = "132 mm, 5.5 bar, 320 N", "126.75 mm, 5.5 bar, 160 N"
 
@@ -41,6 +44,20 @@ def test_an_answer_has_the_interval_of_the_make_around_the_same_tension() -> Non
     assert high - answer.points[0]["tension"] == pytest.approx(0.2 * float(law.tension(0.281, 6.15e5)), rel=1e-9)
 
 
+def test_on_the_rig_of_its_make_a_muscle_lies_within_less() -> None:
+    at = {"length": "27 cm", "pressure": "5 bar"}
+    with pytest.warns(PlausibilityWarning):
+        every, same = (tension("festo-10mm", **at, same_rig=rig).points[0] for rig in (False, True))
+        read = [tension("festo-10mm", **at, reading=["281 mm, 5.5 bar, 390 N"], same_rig=rig) for rig in (False, True)]
+    assert every["tension"] == same["tension"]
+    wide, narrow = (one["tension_high"] - one["tension"] for one in (every, same))
+    assert narrow / wide == pytest.approx(0.07 / 0.20, rel=1e-9)
+    elsewhere, here = (one.interval[1] - one.interval[0] for one in read)
+    assert here < elsewhere
+    with pytest.raises(InputError, match="same_rig is allowed only for a muscle whose specimen states"):
+        tension("nylon", length="12 cm", pressure="5 bar", same_rig=True)
+
+
 def test_readings_move_an_answer_and_narrow_its_interval() -> None:
     at = {"length": "12.4 cm", "pressure": "5 bar", "parameters": {"rest_length": "132 mm"}}
     with pytest.warns(PlausibilityWarning):
@@ -69,3 +86,29 @@ def test_a_calibrated_muscle_is_one_and_is_not_cut(calibrated) -> None:
 def test_a_muscle_whose_make_is_not_known_is_not_calibrated() -> None:
     with pytest.raises(InputError, match="nylon does not state how far muscles of its make differ"):
         mk.muscle("nylon").calibrate("12 cm, 5 bar, 50 N")
+
+
+@measured("aarl_20mm_isometric/quasistatic_plateaus.csv")
+def test_the_20_mm_muscles_are_met_as_the_specimen_states_and_lie_within_its_interval() -> None:
+    named = {"219": 216.0, "209": 206.0}  # set lengths as the files are named, see the specimen
+    spec, errors, inside = mk.specimen("festo-20mm"), [], []
+    with open(FOLDER / "aarl_20mm_isometric/quasistatic_plateaus.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    read = [
+        [float(r["rest_length_mm"]), named.get(r["test_length_mm"], float(r["test_length_mm"])),
+         1e3 * (float(r["pressure_kPa"]) - 11.0), float(r["force_N"]) + 18.595]
+        for r in rows
+    ]  # fmt: skip
+    table = np.array([row for row in read if row[2] > 2e4 and row[3] > 0.0])
+    top = table[:, 3].max()
+    for rest in np.unique(table[:, 0]):
+        muscle = mk.muscle("festo-20mm", rest_length=1e-3 * rest)
+        _, length, pressure, force = table[table[:, 0] == rest].T
+        errors.append((np.asarray(muscle.law.tension(1e-3 * length, pressure)) - force) / top)
+        band = make_band(muscle.specimen, muscle.law, 1e-3 * length, pressure, same_rig=True)
+        inside.append((band[0] <= force) & (force <= band[1]))
+    stated, found = error_of(spec, "seated_braid"), np.concatenate(errors)
+    # stated to two digits; rest lengths, pressures and forces of the table to three
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(stated.rms, rel=0.03)
+    assert np.abs(found).max() == pytest.approx(stated.largest, rel=0.03)
+    assert np.concatenate(inside).mean() > 0.95  # the muscles that it was fitted to lie within less than others

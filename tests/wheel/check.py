@@ -25,7 +25,12 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
-HOSTS = ROOT / "packages" / "mckibben-hosts"
+# Distributions above mckibben, by the extra that brings each, with what they ship beside their modules.
+ABOVE = {
+    "benchmark": (ROOT / "packages" / "mckibben-benchmark", ("README.md", "LICENSE")),
+    "hosts": (ROOT / "packages" / "mckibben-hosts", ("README.md", "LICENSE", "NOTICE")),
+    "papers": (ROOT / "packages" / "mckibben-papers", ("README.md", "LICENSE")),
+}
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
@@ -124,7 +129,13 @@ class Spring(mk.TensionLaw):
 """
 MUSCLE, BENCH = "nylon", ("work-loop", "--muscle", "nylon")
 # Commands of packages that are installed by themselves, where they are not: the extra that brings them.
-PACKAGED = {"conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)), "export": needs("hosts", MUSCLE)}
+PACKAGED = {
+    "conform": Call(("python",), says=("pip install 'mckibben[hosts]'",)),
+    "export": needs("hosts", MUSCLE),
+    "benchmark": needs("benchmark", "--list"),
+    "reproduce": needs("papers", "--row", "valve.festo"),
+    **{f"study {name}": needs("benchmark", "nothing") for name in ("loops", "robot", "validation")},
+}
 CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],
     "show": [Call((MUSCLE, "--out", "show.svg"), ["show.svg"])],
@@ -312,16 +323,21 @@ def main() -> int:
         place = Path(name)
         compiler, wrong = built(COMPILER, "lanewise", ("README.md", "LICENSE"), place / "compiler")
         wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
-        hosts, others = built(HOSTS, "mckibben_hosts", ("README.md", "LICENSE", "NOTICE"), place / "hosts")
-        wrong += more + others
+        wrong += more
+        above = []
+        for folder, kept in ABOVE.values():
+            one, more = built(folder, folder.name.replace("-", "_"), kept, place / folder.name)
+            above.append(one)
+            wrong += more
         python = environment(place / "venv")
         install(python, compiler)
         wrong += example_runs(python, COMPILER, place, without="mckibben")
         install(python, compiler, wheel)
         wrong += packaged_commands(python, place)
-        install(python, compiler, wheel, hosts)
-        wrong += example_runs(python, HOSTS, place)
-        names = ", ".join(one.name for one in (compiler, wheel, hosts))
+        for one, (folder, _) in zip(above, ABOVE.values(), strict=True):
+            install(python, compiler, wheel, one)
+            wrong += example_runs(python, folder, place)
+        names = ", ".join(one.name for one in (compiler, wheel, *above))
         print(f"Built and installed {names}: {time.monotonic() - began:.0f} s", flush=True)
         wrong += called(python, place)
     for line in wrong:
@@ -414,7 +430,7 @@ def packaged_commands(python: Path, place: Path) -> list[str]:
     help_text = subprocess.run(
         [python, "-m", "mckibben", "--help"], cwd=place, env=env, check=True, capture_output=True, text=True
     ).stdout
-    wrong = [f"{name}: the help does not list it" for name in PACKAGED if f"\n  {name} " not in help_text]
+    wrong = [f"{name}: the help does not list it" for name in PACKAGED if f"\n  {name.split()[0]} " not in help_text]
     for name, call in PACKAGED.items():
         wrong += judged(name, call, python=python, room=place, env=env)
     return wrong

@@ -153,3 +153,32 @@ def test_equal_operations_are_one():
         return jnp.sin(a * b) + 1.0, 2.0 * jnp.sin(b * a)
 
     assert sum(n.op == "sin" for n in lower(twice, 1.0, 2.0)[0].graph.nodes) == 1
+
+
+def test_what_is_called_twice_alike_is_followed_once():
+    """Without it this one is followed 2^40 times; it is what derivatives of functions that call others look like."""
+
+    def called(function):
+        return jax.jit(lambda x: 0.5 * function(x) + 0.25 * function(x))
+
+    outer = jnp.sin
+    for _ in range(40):
+        outer = called(outer)
+    program, _ = lower(outer, 1.0)
+    np.testing.assert_allclose(program.call([0.3])[0], 0.75**40 * np.sin(0.3), rtol=1e-14)  # exact but for the sine
+
+
+def test_a_loop_that_is_called_twice_alike_gives_its_result_twice():
+    """Its nodes belong to the loop that is open where it is called, so it is made anew: within one, and behind it."""
+
+    @jax.jit
+    def grown(x):
+        return jax.lax.fori_loop(0, 50, lambda i, c: c * 1.01 + i, x)
+
+    def inside(x, n):
+        return jax.lax.fori_loop(0, n, lambda i, c: c + grown(x), 0.0), grown(x), grown(x)
+
+    program, _ = lower(inside, 1.0, 3)
+    summed, first, second = program.call([0.5, 3])
+    assert first == second == pytest.approx(float(grown(0.5)), rel=1e-14)  # rounding of 50 products
+    assert summed == pytest.approx(3.0 * first, rel=1e-15)  # and of two sums

@@ -256,11 +256,14 @@ def describe_file(
     *,
     columns: verbs.FileColumns | None = None,
     units: verbs.FileUnits | None = None,
+    scales: verbs.FileScales | None = None,
     rest_length: verbs.Length | None = None,
     period: verbs.Time | None = None,
     branch: verbs.Label | None = None,
     pressure_zero: verbs.Pressure | None = None,
     kind: verbs.FileKind | None = None,
+    decimal: verbs.DecimalMark | None = None,
+    header: verbs.Header | None = None,
     sheet: verbs.Sheet | None = None,
     topic: verbs.Topic | None = None,
     gear_ratio: verbs.PlainNumber | None = None,
@@ -273,11 +276,14 @@ def describe_file(
         columns: column that holds length, contraction, pressure, force, time or a channel, by label or number, such as
             force='F [N]'.
         units: unit of a column for which the file states none, such as force=N or 'pressure=kPa abs'.
+        scales: what a raw signal stands for, such as 'pressure=2 bar/V - 1 bar' or 'force=0.5 N/count'.
         rest_length: rest length of the muscle [m], such as '300 mm'.
         period: sample interval of a file without a time column [s], such as '2 ms'.
         branch: keep only rows with this value in the branch column.
         pressure_zero: reading of the pressure channels at zero [Pa], such as '9.2 kPa'.
         kind: read as a map or as a recording, where both are possible.
+        decimal: decimal mark of a text, where its numbers fit both a point and a comma.
+        header: names of the columns with their units, where the file has none, such as 'time [ms], pressure [bar]'.
         sheet: sheet of a spreadsheet, by name or number.
         topic: topic of a bag of ROS or an MCAP file.
         gear_ratio: gear ratio of the lever that recorded a .ddf file.
@@ -293,8 +299,9 @@ def describe_file(
         35.1
     """
     reading = recordings.understand(
-        file, columns=columns, units=units, rest_length=rest_length, period=period, branch=branch,
-        pressure_zero=pressure_zero or 0.0, kind=kind, sheet=sheet, topic=topic, gear_ratio=gear_ratio, **options,
+        file, columns=columns, units=units, scales=scales, rest_length=rest_length, period=period, branch=branch,
+        pressure_zero=pressure_zero or 0.0, kind=kind, decimal=decimal, header=header, sheet=sheet, topic=topic,
+        gear_ratio=gear_ratio, **options,
     )  # fmt: skip
     return FileDescription(path_of(file), reading)
 

@@ -38,7 +38,7 @@ from .._jax import Tree, is_traced, jax, jit, jnp
 from ..components import Hysteresis, MemoryElement, Module, Scalar, derivative
 from ..components.element import Advanced
 from ..components.module import flatten
-from ..engine.native import call_compiled
+from ..engine.native import call_in_lanes
 from ..errors import InputError
 from ..muscles.elements import Tendon
 from ..muscles.hysteresis.slip import advanced, contact_energy, contact_force, per_contact
@@ -455,18 +455,19 @@ def usual_slack_damping(unit: MuscleUnit) -> Scalar:
     The stiffness is that of the law at its free length, the largest up to 10 bar, with that of stuck friction and creep.
     """
     if any(is_traced(leaf) for leaf in flatten(unit)[0]):
-        return _slack_damping(unit, jnp.asarray(SLACK_PRESSURES))
-    usual: Scalar = call_compiled(_slack_damping, unit, SLACK_PRESSURES)
+        pressures = jnp.asarray(SLACK_PRESSURES)
+        stiffest = jnp.max(jax.vmap(lambda pressure: _free_stiffness(unit, pressure))(pressures))
+        return jnp.maximum(SLACK_TIME * stiffest, LEAST_DAMPING)
+    # A lane per pressure: in one lane the law and its slopes would be written out for each, and compiled eleven times.
+    stiffest = np.max(call_in_lanes(_free_stiffness, (unit,), (SLACK_PRESSURES,)))
+    usual: Scalar = np.maximum(SLACK_TIME * stiffest, LEAST_DAMPING)
     return usual
 
 
-def _slack_damping(unit: MuscleUnit, pressures: Scalar) -> Scalar:
-    def stiffness(pressure: Scalar) -> Scalar:
-        free = unit.law.free_length(pressure)
-        own = unit.law.braid_stiffness(free, pressure)
-        return jnp.where(jnp.isfinite(own) & (own > 0.0), own, 0.0) + memory_stiffness(unit, pressure)
-
-    return jnp.maximum(SLACK_TIME * jnp.max(jax.vmap(stiffness)(pressures)), LEAST_DAMPING)
+def _free_stiffness(unit: MuscleUnit, pressure: Scalar) -> Scalar:
+    """Stiffness of a muscle at its free length, with that of stuck friction and creep [N/m]; gauge pressure [Pa]."""
+    own = unit.law.braid_stiffness(unit.law.free_length(pressure), pressure)
+    return jnp.where(jnp.isfinite(own) & (own > 0.0), own, 0.0) + memory_stiffness(unit, pressure)
 
 
 @jit  # traced once for all that asks for it

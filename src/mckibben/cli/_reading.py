@@ -19,15 +19,17 @@ def _option(parameter: str) -> Any:
 
 Column = Annotated[list[str] | None, _option("columns")]
 Unit = Annotated[list[str] | None, _option("units")]
+Scale = Annotated[list[str] | None, _option("scales")]
 Period = Annotated[str | None, _option("period")]
+Decimal = Annotated[str | None, _option("decimal")]
+Header = Annotated[str | None, _option("header")]
 Sheet = Annotated[str | None, _option("sheet")]
 Topic = Annotated[str | None, _option("topic")]
 GearRatio = Annotated[str | None, _option("gear_ratio")]
 
 
-def format_options(sheet: str | None, topic: str | None, gear_ratio: str | None) -> dict[str, JsonValue]:
+def format_options(**options: str | None) -> dict[str, JsonValue]:
     """The options of a file format that were stated."""
-    options = {"sheet": sheet, "topic": topic, "gear_ratio": gear_ratio}
     return {name: value for name, value in options.items() if value is not None}
 
 
@@ -37,10 +39,13 @@ def column_places(words: list[str] | None) -> dict[str, str | int] | None:
     return {name: int(place) if place.isdecimal() else place for name, place in named.items()} or None
 
 
-def stated_columns(column: list[str] | None, unit: list[str] | None, period: str | None) -> dict[str, Any]:
+def stated_columns(
+    column: list[str] | None, unit: list[str] | None, scale: list[str] | None, period: str | None
+) -> dict[str, Any]:
     """What the options state of the columns of a file of another program."""
     return {
         "columns": column_places(column),
         "units": pairs(unit, "--unit", "force=N") or None,
+        "scales": pairs(scale, "--scale", "pressure='2 bar/V'") or None,
         "period": None if period is None else parse(period, "s", field="--period", bare=True),
     }

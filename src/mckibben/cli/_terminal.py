@@ -270,7 +270,12 @@ def chosen_law(law: str | None, spec: Specimen) -> str:
     return spec.law if law is None else law
 
 
-_OPTIONS = {"column": "--column {}=COLUMN", "unit": "--unit {}=UNIT", "parameter": "--set {}=VALUE"}
+_OPTIONS = {
+    "column": "--column {}=COLUMN",
+    "unit": "--unit {}=UNIT",
+    "scale": "--scale {}=SCALE",
+    "parameter": "--set {}=VALUE",
+}
 
 _COMMANDS = {
     "posterior": "`mckibben fit TABLE --posterior --out fit.json`",

@@ -122,7 +122,8 @@ _ANY = ("",)
 # Numbers, words, and values that a command reads for itself: a COURSE over time, an UNCERTAINTY in the unit of its channel.
 PLAIN = """
     LENGTHxDIAMETER LENGTH,PRESSURE,FORCE HARDNESS UNCERTAINTY TANK COURSE N NUMBER TEXT ADDRESS CHANNEL CHANNELS SIGNAL
-    SHEET TOPIC LABEL DATASET TASK PATH PATH=VALUE NAME=VALUE NAME=COURSE NAME=COLUMN NAME=UNIT CYCLES ROW FIGURE COMMAND
+    SHEET TOPIC LABEL DATASET TASK PATH PATH=VALUE NAME=VALUE NAME=COURSE NAME=COLUMN NAME=UNIT NAME=SCALE NAMES
+    CYCLES ROW FIGURE COMMAND
 """
 # Commands of other packages add theirs.
 KINDS: dict[str, ParameterType] = QUANTITIES | {
@@ -133,6 +134,7 @@ KINDS: dict[str, ParameterType] = QUANTITIES | {
     "MACHINE": ParameterType(names=words("serial:", "daq")),
     "SCHEDULER": ParameterType(names=words("dask", "processes", "serial", "tcp://")),
     "KIND": ParameterType(names=words("map", "recording")),
+    "MARK": ParameterType(names=words(".", ",")),
     "CYCLE": ParameterType(names=words("maximal", "isotonic", "valve")),
     "LEVEL": ParameterType(names=words("rest", "zero")),
     "POINT": ParameterType(names=words("L0", "peak", "trough")),

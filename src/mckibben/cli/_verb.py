@@ -33,9 +33,19 @@ from ._terminal import (
     writable,
 )
 
-SINGULAR = {"columns": "column", "units": "unit"}  # options with the words of all commands
-PAIRS = {"NAME=COLUMN": "force='F [N]'", "NAME=UNIT": "force=N"}  # examples of what is typed of a table
-REMEDIES = {"sheet": "NAME", "rest_length": "'300 mm'", "frequency": "'28 Hz'"}  # values of options that errors ask for
+SINGULAR = {"columns": "column", "units": "unit", "scales": "scale"}  # options with the words of all commands
+PAIRS = {
+    "NAME=COLUMN": "force='F [N]'",
+    "NAME=UNIT": "force=N",
+    "NAME=SCALE": "pressure='2 bar/V'",
+}  # examples of what is typed of a table
+REMEDIES = {
+    "sheet": "NAME",
+    "decimal": ". or --decimal ,",
+    "header": "'NAME [UNIT], ..'",
+    "rest_length": "'300 mm'",
+    "frequency": "'28 Hz'",
+}  # values of options that errors ask for
 
 
 class Shorthand(NamedTuple):
@@ -173,8 +183,9 @@ class VerbCommand:
             expect_cautions(())  # the answer has those about typed values
             writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
             more: list[str] = []  # files that go with those that were named
+            about: list[str] = []  # what is said of files
             for kind, write in writes.items():
-                files.write(kind, functools.partial(_written, write, answer, more))
+                files.write(kind, functools.partial(_written, write, answer, more, about))
             for name, path in beside.items():
                 if path is not None:
                     self.written[name].write(answer, path)
@@ -187,6 +198,8 @@ class VerbCommand:
                 content["file"] = None if recorded is None else str(recorded)
             if more:
                 content["files"] = more
+            if about:
+                content["about_files"] = [named(one, self._called) for one in about]
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
             if "result" in self.outputs.kinds:
@@ -199,12 +212,14 @@ class VerbCommand:
                 named_paths = [str(path) for path in files.named()]
                 for path in (*filter(None, beside.values()), *(one for one in more if one not in named_paths)):
                     typer.echo(f"Written: {path}")
+                for sentence in content.get("about_files", ()):
+                    typer.echo(sentence)
         if failure:
             typer.echo(f"{program(31)}: {failure}", err=True)
         if failure is not None:
             raise typer.Exit(self.failed)
 
-    def _answer(self, verb: verbs.Description, values: dict[str, Any], named: Mapping[str, Any]) -> Answer:
+    def _answer(self, verb: verbs.Description, values: dict[str, Any], more: Mapping[str, Any]) -> Answer:
         for name, one in self.shorthands.items():
             if values[name]:
                 if values[one.parameter] is not None:
@@ -213,7 +228,7 @@ class VerbCommand:
                     )
                 values[one.parameter] = one.value
         given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] not in (None, (), [])}
-        given |= named
+        given |= more
         for p in verb.parameters.values():
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
@@ -221,8 +236,8 @@ class VerbCommand:
         ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
         with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
             if self.around is not None:
-                with self.around(given) as more:
-                    return ask(given | dict(more))
+                with self.around(given) as opened:
+                    return ask(given | dict(opened))
             if self.doing is None:
                 return ask(given)
             title, stages = self.doing
@@ -330,10 +345,13 @@ def _options(command: VerbCommand) -> dict[str, inspect.Parameter]:
     return {p.name: p for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in ("out", "as_json")}
 
 
-def _written(write: Callable[[Any, Path], object], answer: Answer, more: list[str], path: Path) -> None:
-    """Write a file; `more` gets the names of all where there are several."""
-    several = write(answer, path)
-    more += [str(one) for one in several] if isinstance(several, list) else []
+def _written(
+    write: Callable[[Any, Path], object], answer: Answer, more: list[str], about: list[str], path: Path
+) -> None:
+    """Write a file; `more` gets the names of all where there are several, `about` the sentence about it if there is one."""
+    said = write(answer, path)
+    more += [str(one) for one in said] if isinstance(said, list) else []
+    about += [f"{path}: {said}"] if isinstance(said, str) and said else []
 
 
 def _optional(p: inspect.Parameter) -> inspect.Parameter:

@@ -84,7 +84,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compare muscles with each other, and with published biological muscle.",
     ),
     "reproduce": (
-        "reproduce:reproduce_papers",
+        "papers",
         "Compute the papers' numbers and report whether each value is reproduced.",
     ),
     "diagnose": (
@@ -92,7 +92,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Find a fault of a rig from a recording of its normal operation.",
     ),
     "benchmark": (
-        "benchmark:run_benchmark",
+        "benchmark",
         "Train models on measured tasks, and score their predictions of what they were not shown.",
     ),
     "parts": (
@@ -186,12 +186,12 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Compare lumped models of a tube with the distributed one, claim by claim.",
     ),
     "study robot": (
-        "verb_commands:study_robot",
+        "benchmark",
         "Fit the air of a jumping robot to some of its jumps, and predict the others.",
     ),
-    "study loops": ("verb_commands:study_loops", "Predict half of a muscle's loop and creep from the other half."),
+    "study loops": ("benchmark", "Predict half of a muscle's loop and creep from the other half."),
     "study validation": (
-        "verb_commands:study_validation",
+        "benchmark",
         "Fit every tension law to every data set, and cross-validate it.",
     ),
     "completion": (
@@ -230,7 +230,7 @@ class CommandTable(Mapping[str, Any]):
                 context_settings=NAMES,
             )
         if place in PACKAGES:
-            run = announced("mckibben.commands", words, place, f"mckibben {words} needs")
+            run = announced("mckibben.commands", words.replace(" ", "-"), place, f"mckibben {words} needs")
         else:
             module, _, function = place.partition(":")
             run = getattr(importlib.import_module(f".{module}", __package__), function)

@@ -18,7 +18,20 @@ from ..recordings.files import read_log, select_between
 from ..recordings.provenance import differing
 from ..report.figures import analysis_figures, recording_figures, style
 from ._outputs import FIGURE, KEPT_RECORDING, REPORT, OutputKinds, Paths, write_recording
-from ._reading import Column, GearRatio, Period, Sheet, Topic, Unit, column_places, format_options, stated_columns
+from ._reading import (
+    Column,
+    Decimal,
+    GearRatio,
+    Header,
+    Period,
+    Scale,
+    Sheet,
+    Topic,
+    Unit,
+    column_places,
+    format_options,
+    stated_columns,
+)
 from ._terminal import End, FigureLook, FigureWidth, Json, Start, options_named, pairs, print_json, table
 
 if TYPE_CHECKING:
@@ -210,7 +223,10 @@ def convert_file(
     ],
     column: Column = None,
     unit: Unit = None,
+    scale: Scale = None,
     period: Period = None,
+    decimal: Decimal = None,
+    header: Header = None,
     sheet: Sheet = None,
     topic: Topic = None,
     gear_ratio: GearRatio = None,
@@ -220,8 +236,9 @@ def convert_file(
 
     $ mckibben record convert loop.nc loop.parquet
     """
-    asked = stated_columns(column, unit, period) | format_options(sheet, topic, gear_ratio)
-    with options_named(sheet="--sheet NAME"):
+    asked = stated_columns(column, unit, scale, period)
+    asked |= format_options(decimal=decimal, header=header, sheet=sheet, topic=topic, gear_ratio=gear_ratio)
+    with options_named(sheet="--sheet NAME", decimal="--decimal . or --decimal ,", header="--header 'NAME [UNIT], ..'"):
         read = recordings.convert(source, target, **asked)
     if as_json:
         print_json({**_written(source, target, read.recording), "warnings": read.remarks})

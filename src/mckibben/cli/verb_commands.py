@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..errors import InputError, PlausibilityWarning
 from . import _progress
 from ._outputs import FIGURE, OBJECT, RECORDING, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds, write_recording
 from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
@@ -25,12 +26,9 @@ if TYPE_CHECKING:
     from ..studies.description import BraidDescription, MuscleDescription
     from ..studies.fitting import FittedFriction, FittedTables
     from ..studies.joint_run import JointRecording
-    from ..studies.jumping_robot import RobotFit
-    from ..studies.muscle_loops import LoopStudy
-    from ..studies.next_measurement import NextMeasurement
+    from ..studies.next_measurement import NextMeasurement, NextReadings
     from ..studies.sizing import Sizing
     from ..studies.tube_study import TubeStudy
-    from ..studies.validation import Validation
 
 ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
 STUDY = OutputKinds(figure=FIGURE, result=OBJECT)
@@ -407,6 +405,13 @@ def _draw_loop(answer: FittedFriction, path: Path) -> None:
     style.save(fit_figures.loop_bands(answer.fit, answer.samples), path)
 
 
+def _save_fits(answer: FittedTables, path: Path) -> str:
+    with warnings.catch_warnings():  # the answer has the caution that saving repeats
+        warnings.simplefilter("ignore", PlausibilityWarning)
+        answer.rankings[0].save(path)
+    return answer.rankings[0].saved_laws()
+
+
 def _check_fits(given: Mapping[str, Any], files: OutputFiles) -> None:
     if files["specimen"] and len(given["tables"]) > 1 and not given["runs"]:
         raise InputError("--out", str(files["specimen"][0]), "is allowed only with one table")
@@ -439,7 +444,7 @@ fit_tables = VerbCommand(
     draw=_draw_fits,
     writes={
         "report": lambda answer, path: answer.report(path),
-        "specimen": lambda answer, path: answer.rankings[0].save(path),
+        "specimen": _save_fits,
     },
     doing=("fitting", _fit_stages),
     check=_check_fits,
@@ -465,9 +470,12 @@ fit = VerbsCommand(
 )
 
 
-def _write_protocol(answer: NextMeasurement, path: Path) -> None:
+def _write_protocol(answer: NextMeasurement | NextReadings, path: Path) -> None:
     from ..documents import write_text
+    from ..studies.next_measurement import NextReadings
 
+    if isinstance(answer, NextReadings):
+        raise InputError("--out", str(path), "is a protocol, which is made of a fit only: give a table or a result")
     write_text(path, answer.chosen.protocol())
 
 
@@ -477,8 +485,9 @@ next_measurement = VerbCommand(
     (
         "next --from fit.json --rig modern --budget '5 min' --out next.toml",
         "next --from fit.json --laws gas_spring,linear_threshold --out next.toml",
+        "next --like festo-10mm --set rest_length='132 mm' --length '115 mm'",
     ),
-    options={"fit": "from"},
+    options={"fit": "from", "parameters": "set"},
     writes={"protocol": _write_protocol},
 )
 
@@ -564,47 +573,10 @@ def _draw_tube(answer: TubeStudy, path: Path) -> None:
     style.save(study_figures.tube_figure(answer), path)
 
 
-def _draw_robot(answer: RobotFit, path: Path) -> None:
-    from ..report.figures import run_figures, style
-
-    style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path)
-
-
-def _draw_loops(answer: LoopStudy, path: Path) -> None:
-    from ..report.figures import study_figures, style
-
-    style.save(study_figures.loop_study_figure(answer), path)
-
-
-def _write_page(answer: Validation, path: Path) -> list[Path]:
-    from .._version import __version__
-    from ..documents import write_text
-    from ..report.figures import ranking_figures, style
-    from ..studies import validation_page
-
-    figure = path.with_name(f"{path.stem}-errors.svg")
-    if answer.static:
-        style.save(ranking_figures.errors_figure(answer), figure)
-    write_text(path, validation_page.page(answer, figure=figure.name if answer.static else "", version=__version__))
-    return [path, figure] if answer.static else [path]
-
-
 def _tube_stages(given: Mapping[str, Any]) -> int:
     from ..studies.tube_study import QUICK_SEEDS, QUICK_THERMALS, stages
 
     return stages(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS) if given["quick"] else stages()
-
-
-def _loop_stages(given: Mapping[str, Any]) -> int:
-    from ..studies.muscle_loops import STAGES
-
-    return STAGES
-
-
-def _validation_stages(given: Mapping[str, Any]) -> int:
-    from ..studies.validation import stages
-
-    return stages(given.get("only", ()), given.get("laws", ()))
 
 
 study_tube = VerbCommand(
@@ -613,28 +585,4 @@ study_tube = VerbCommand(
     ("study tube --quick --out tube.svg",),
     draw=_draw_tube,
     doing=("tube study", _tube_stages),
-)
-study_robot = VerbCommand(
-    "studies.jumping_robot:robot_fit",
-    STUDY,
-    ("study robot 0p02_knee_80psi 0p06_65psi --predict 0p09_65psi --out robot.svg",),
-    required=("trials",),
-    draw=_draw_robot,
-    doing=("fitting", lambda given: None if given["each"] else int(given["evaluations"])),
-)
-study_loops = VerbCommand(
-    "studies.muscle_loops:loop_study",
-    STUDY,
-    ("study loops dmsp_10_250_hysteresis --out loops.svg",),
-    options={"frictions": "friction"},
-    draw=_draw_loops,
-    doing=("loops", _loop_stages),
-)
-study_validation = VerbCommand(
-    "studies.validation:validation",
-    OutputKinds(page=(".md",), result=OBJECT),
-    ("study validation --only DMSP-10-250 --law ideal --out validation.md",),
-    options={"folder": "data", "laws": "law"},
-    writes={"page": _write_page},
-    doing=("validation", _validation_stages),
 )

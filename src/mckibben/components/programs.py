@@ -63,7 +63,6 @@ UPPER = (
     ("cli",),
     ("web",),
     ("report",),
-    ("benchmarking", "reproduction"),
     ("studies",),
     ("batch",),
     ("bench", "identification", "simulation"),

@@ -6,157 +6,42 @@ Each format gives a `ForeignTable`; from there on all files are treated alike, f
 
 from __future__ import annotations
 
-import functools
 import math
 import re
-import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, choice
 from ..quantities import with_unit
-from .table import Channel, ForeignColumn, ForeignTable, StoredRecording, check_name, is_pressure, si_of
-from .text import MISSING, is_number, plain_text, rows_left_out, split_header, to_numbers, with_points
+from .clock import find_gaps, is_date, mend_clock, parse_dates
+from .labels import (
+    DAYS,
+    TIMES,
+    ColumnSource,
+    parse_header,
+    plain_stem,
+    quantity_of,
+    split_reference,
+    time_column,
+)
+from .table import (
+    Channel,
+    ForeignColumn,
+    ForeignTable,
+    StoredRecording,
+    check_name,
+    is_pressure,
+    parse_scale,
+    si_of,
+    standard_flow,
+)
+from .text import MISSING, OVERLOAD, is_number, plain_text, rows_left_out, to_numbers
 
 AMBIENT = 101325.0  # [Pa], says where vacuum is
-# Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
-LARGEST_GAP = 3.0
 FEWEST = 3  # samples of a record in a text table
-# Names under which quantities are known, without accents; of a force map the first that a header holds is taken. English,
-# German, French, Spanish, Italian, Portuguese and the letters of papers.
-COLUMNS = {
-    "length": ("length", "braid_length", "test_length", "muscle_length", "l", "muscle.length", "lange", "laenge",
-               "muskellange", "longueur", "longitud", "lunghezza", "comprimento"),
-    "contraction": ("contraction", "contraction_ratio", "strain", "eps", "kappa", "epsilon", "kontraktion",
-                    "contraccion", "contrazione", "contracao", "shortening", "verkurzung", "raccourcissement"),
-    "pressure": ("pressure", "p", "gauge_pressure", "muscle.pressure", "muscle_pressure", "druck", "uberdruck",
-                 "pression", "presion", "pressione", "pressao"),
-    "tension": ("tension", "force", "f", "pull", "muscle.tension", "muscle_force", "kraft", "zugkraft", "fuerza",
-                "forza", "forca"),
-    "rest_length": ("rest_length", "resting_length", "l0", "initial_length", "ruhelange", "ruhelaenge"),
-    "branch": ("branch", "direction", "richtung"),
-    "run": ("run", "run_id", "trial", "test_id", "versuch", "lauf", "essai", "ensayo", "prova", "ensaio"),
-    "diameter": ("diameter", "inner_diameter", "rest_diameter", "bore", "durchmesser", "diametre", "diametro"),
-}  # fmt: skip
-TIMES = ("time", "t", "timestamp", "time_stamp", "elapsed_time", "zeit", "zeitstempel", "temps", "tiempo", "tempo")
-# Names that say nothing: what such a column holds follows from its unit, if no other column has one of that kind.
-_NAMELESS = re.compile(r"(?:(?:ch|chan|channel|kanal|sensor|signal|ai|col|column|value|y|x|f|p|l)[_ ]?\d*)")
-_KINDS = {"length": "m", "pressure": "Pa", "tension": "N"}
-# Units that a header may hold after an underscore; in brackets any unit is read.
-_UNDERSCORED = frozenset(
-    "Pa kPa MPa hPa bar mbar psi bara barg psia psig s ms us m mm cm inch N kN mN lbf kgf V mV A mA K degC kg g rad deg Hz"
-    " percent % fraction".split()
-)
-_BRACKETS = re.compile(r"(?P<name>.*?\S)\s*[\[(](?P<unit>[^\[\]()]+(?:\([^()]*\))?)[\])]\s*")
-ABSOLUTE, GAUGE = ("abs", "absolute", "a"), ("gauge", "rel", "g")
-_PRESSURE_WORD = re.compile(r"([kMh]?Pa|m?bar|psi|atm|Torr|mmHg|N/m\^2|N/mm\^2|kgf/cm\^2)\b")
-_SUFFIXED = ("bara", "barg", "mbara", "mbarg", "psia", "psig")
-
-
-class ColumnSource(NamedTuple):
-    """Source of a channel: column number from 0, name for messages, unit, and absolute or gauge if stated."""
-
-    at: int
-    label: str
-    unit: str | None = None
-    reference: str | None = None
-
-
-def parse_header(at: int, cell: str) -> tuple[str, ColumnSource]:
-    """Read a header as channel name and column: ``Tank.Pressure_abs [kPa]`` -> tank.pressure_abs, kPa, absolute."""
-    label = cell or f"column {at + 1}"
-    bracket = _BRACKETS.fullmatch(cell)
-    unit: str | None
-    if bracket and bracket["unit"].strip():
-        stem, tail = split_header(bracket["name"], ())
-        unit = bracket["unit"].strip()
-        head, *words = re.sub(r"[()]", " ", unit).split() or [unit]
-        if {word.lower() for word in words} <= {*ABSOLUTE, *GAUGE}:  # [bar abs], [bar(g)], but not [Pa s]
-            unit = head
-        else:
-            words = []
-        said = [word.lower() for word in (*tail, *words)]
-    else:
-        stem, tail = split_header(cell, _UNDERSCORED)
-        inch, _, last = cell.strip().rpartition("_")
-        if last == "in" and quantity_of(inch) in ("length", "rest_length", "diameter"):
-            return inch.lower(), ColumnSource(at, label, "inch")
-        words = [word for word in tail if word in _UNDERSCORED]
-        if len(words) > 1 and words != [words[0], "g"]:
-            # Is velocity_m_s in m/s, torque_N_m in N/m? Only brackets can say.
-            return "_".join([stem, *tail]).lower(), ColumnSource(at, label)
-        unit = words[0] if words else None
-        said = [word.lower() for word in tail if word != unit]
-    if unit in _SUFFIXED:
-        unit, suffix = unit[:-1], unit[-1]
-        said.append("abs" if suffix == "a" else "gauge")
-    if unit is not None and not _PRESSURE_WORD.match(unit):
-        # The gauge of "strain_gauge [V]" and the like belongs to the name.
-        return "_".join([stem, *said]), ColumnSource(at, label, unit)
-    if any(word in ABSOLUTE for word in said):
-        return stem + "_abs", ColumnSource(at, label, unit, "absolute")
-    return stem, ColumnSource(at, label, unit, "gauge" if said else None)
-
-
-@functools.lru_cache(maxsize=1024)
-def quantity_of(stem: str) -> str | None:
-    """The quantity that a name stands for, a key of `COLUMNS` or ``time``; None where it is none of these."""
-    plain = _plain(stem)
-    if plain in TIMES:
-        return "time"
-    return next((quantity for quantity, names in COLUMNS.items() if plain in names), None)
-
-
-def _plain(stem: str) -> str:
-    """A name without accents and reference, in lower case: ``Druck_abs`` -> druck."""
-    letters = unicodedata.normalize("NFKD", stem.casefold())
-    word = "".join(letter for letter in letters if not unicodedata.combining(letter))
-    return re.sub(r"[\s_]+", "_", word).removesuffix("_abs").removesuffix("_in")
-
-
-def recognise_columns(labels: Sequence[str]) -> dict[str, list[str]]:
-    """The columns of a force map by what they hold: by their names, and nameless ones by a unit that no other column has.
-
-    Returns:
-        Quantity -> labels; more than one where it is not clear which.
-    """
-    parsed = {label: parse_header(0, label) for label in labels}
-    stems = {label: _plain(stem) for label, (stem, _) in parsed.items()}
-    recognised: dict[str, list[str]] = {}
-    for quantity, names in COLUMNS.items():
-        matches = ([label for label in labels if stems[label] == name] for name in names)
-        if match := next((m for m in matches if m), None):
-            recognised[quantity] = match
-    free = [label for label in labels if quantity_of(stems[label]) is None]
-    for quantity, unit in _KINDS.items():
-        alike = [label for label in free if (word := parsed[label][1].unit) and converts(word, unit)]
-        missing = quantity not in recognised and not (quantity == "length" and "contraction" in recognised)
-        if missing and len(alike) == 1 and _NAMELESS.fullmatch(stems[alike[0]]):
-            recognised[quantity] = alike
-    return recognised
-
-
-def likely_columns(labels: Sequence[str]) -> dict[str, str]:
-    """Columns of a force map that their units suggest, by quantity; none where several have a unit of the kind."""
-    likely = {}
-    for quantity, unit in _KINDS.items():
-        alike = [label for label in labels if (word := parse_header(0, label)[1].unit) and converts(word, unit)]
-        if len(alike) == 1:
-            likely[quantity] = alike[0].partition(" [")[0]
-    return likely
-
-
-@functools.lru_cache(maxsize=1024)
-def converts(word: str, unit: str) -> bool:
-    """Whether a unit as text is one of an SI unit's kind."""
-    try:
-        return si_of(word, field="unit")[0] == unit
-    except InputError:
-        return False
 
 
 def table_labels(table: ForeignTable) -> list[str]:
@@ -164,8 +49,10 @@ def table_labels(table: ForeignTable) -> list[str]:
     return [f"{c.label} [{c.unit}]" if c.unit and "[" not in c.label else c.label for c in table.columns]
 
 
-def column_numbers(column: ForeignColumn, rows: Sequence[int] | None, where: str) -> np.ndarray:
-    """The values of a column as float64 (n,); NaN where a cell has no value.
+def column_numbers(
+    column: ForeignColumn, rows: Sequence[int] | None, where: str, *, overload: bool = True
+) -> np.ndarray:
+    """The values of a column as float64 (n,); NaN where a cell has no value, and infinite where it says an `overload`.
 
     Raises:
         InputError: names the row of the first cell that is no number.
@@ -174,13 +61,14 @@ def column_numbers(column: ForeignColumn, rows: Sequence[int] | None, where: str
         return column.values.astype(float)
     cells = [str(cell) for cell in column.values]
     numbers = range(1, len(cells) + 1) if rows is None else rows
-    given = [i for i, cell in enumerate(cells) if cell.strip().lower() not in MISSING]
-    if rows is not None:
-        filled = with_points([cells[i] for i in given], [numbers[i] for i in given], column.label, where)
-    else:
-        filled = [cells[i] for i in given]
-    out = np.full(len(cells), np.nan)
-    out[given] = to_numbers(filled, [numbers[i] for i in given], column.label, where)
+    given, out = [], np.full(len(cells), np.nan)
+    for i, cell in enumerate(cells):
+        word = cell.strip().lower()
+        if overload and rows is not None and word in OVERLOAD:
+            out[i] = np.inf  # no reading; `without_blank_rows` says so
+        elif word not in MISSING:
+            given.append(i)
+    out[given] = to_numbers([cells[i] for i in given], [numbers[i] for i in given], column.label, where)
     return out
 
 
@@ -201,19 +89,19 @@ def without_blank_rows(table: ForeignTable, used: Mapping[int, np.ndarray], wher
     keep = np.ones(len(next(iter(used.values()), ())), bool)
     remarks: dict[str, list[int]] = {}
     for at, values in used.items():
-        blank = values == "" if values.dtype.kind in "UO" else np.isnan(values)
-        if not blank.any():
-            continue
-        label, numbers = table.columns[at].label, np.flatnonzero(blank).tolist()
-        if 2 * len(numbers) > len(blank):
-            problem = f"is blank in {len(numbers)} of {len(blank)} rows: it must have a value in most of them"
+        words = values.dtype.kind in "UO"
+        label, lacking = table.columns[at].label, values == "" if words else ~np.isfinite(values)
+        if 2 * lacking.sum() > len(lacking):
+            problem = f"is blank in {int(lacking.sum())} of {len(lacking)} rows: it must have a value in most of them"
             raise InputError(label, None, problem, where=where)
-        rows = [i + 1 if table.rows is None else table.rows[i] for i in numbers]
-        remarks[label] = rows
-        keep &= ~blank
-    return keep, [
-        rows_left_out(rows, f"{label} is blank") for label, rows in sorted(remarks.items(), key=lambda item: item[1])
-    ]
+        over = np.zeros(len(values), bool) if words else np.isinf(values)
+        for blank, reason in ((lacking & ~over, "is blank"), (over, "has no reading, but an overload")):
+            if blank.any():
+                remarks[f"{label} {reason}"] = [
+                    i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(blank).tolist()
+                ]
+        keep &= ~lacking
+    return keep, [rows_left_out(rows, reason) for reason, rows in sorted(remarks.items(), key=lambda item: item[1])]
 
 
 def choose_columns(
@@ -232,8 +120,8 @@ def choose_columns(
         allowed = "a file without a header needs the number of each column, such as time 1 and pressure 2"
         raise InputError("columns", None, f"are missing: {allowed}", where=where, remedy="column time")
     known = [parse_header(i, cell) for i, cell in enumerate(header or [""] * width)]
-    if timed and not any(stem in TIMES for stem, _ in known):  # in other languages
-        known = [("time" if quantity_of(stem) == "time" else stem, column) for stem, column in known]
+    if timed and "time" not in columns and (at := time_column([cell for cell in header or []])) is not None:
+        known[at] = ("time", known[at][1])
     chosen: dict[str, ColumnSource] = {}
     for name, wanted in columns.items():
         if name != "time":
@@ -241,9 +129,11 @@ def choose_columns(
         chosen[name] = known[_index(name, wanted, header, width, known, where)][1]
     for stem, column in known:
         # A column without a name is a row number, or a mark at the end of each line.
-        if not stem or (columns and ("time" in columns or stem not in TIMES or not timed)):
+        if not stem or (columns and {*columns} != {"time"} and ("time" in columns or stem not in TIMES or not timed)):
             continue
         name = "time" if stem in TIMES else stem
+        if {*columns} == {"time"} and (name == "time" or column.at == chosen["time"].at):
+            continue
         if name in chosen:
             both = f"{chosen[name].label}, {column.label}"
             raise InputError(
@@ -282,10 +172,15 @@ def _index(
     return match[0]
 
 
+_STRESS = re.compile(r"stress|modulus|spannung|contrainte|strength", re.I)  # in units of pressure, and no pressures
+
+
 def check_vacuum(
     name: str, label: str, values: np.ndarray, ambient: float, place: Callable[[int], str], where: str
 ) -> None:
     """Refuse a pressure below vacuum [Pa]; `place` describes the position of value i, NaN are ignored."""
+    if _STRESS.search(name):
+        return
     absolute = name.endswith("_abs")
     lowest = 0.0 if absolute else -ambient
     below = values < lowest
@@ -303,6 +198,7 @@ def assemble(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     period: float | None = None,
+    scales: Mapping[str, str] | None = None,
     pressure_zero: float | Mapping[str, float] = 0.0,
     ambient: float = AMBIENT,
     required: Iterable[str] = (),
@@ -310,12 +206,16 @@ def assemble(
 ) -> StoredRecording:
     """Make a recording of another program's table: one clock, SI units, dotted names.
 
+    A clock that wraps, passes midnight or stamps two samples alike is mended; runs that begin anew follow one another on one
+    clock, and ``meta["runs"]`` says where. Words beside the numbers become events. All of it is said in the remarks.
+
     Args:
         path: the file, for messages and the metadata.
         table: its columns.
         columns: channel name -> label or number of a column from 1; empty for all. The name of the time is ``time``.
         units: channel name or label -> unit as text, over what the file says; a time without a unit is in seconds.
         period: interval of the samples [s] where the file has no time.
+        scales: channel name or label -> what a raw signal stands for, such as ``"2 bar/V - 1 bar"``; see `parse_scale`.
         pressure_zero: what gauge pressures read at zero [Pa], one for all or by channel; it is subtracted.
         ambient: environment pressure, which says where vacuum is [Pa].
         required: channels that must be there.
@@ -328,34 +228,75 @@ def assemble(
     if not (math.isfinite(ambient) and ambient > 0.0):
         raise InputError("ambient", ambient, "must be a pressure above 0 Pa", where=where)
     table, remarks = _usable(table, columns or {}, where)
+    table = _whole_dates(table)
     foreign = table.columns
     sources = _sources_of(table, dict(columns or {}), period is None, where)
     words = _units(sources, foreign, dict(units or {}), where)
+    scaled = _scales(sources, foreign, words, dict(scales or {}), where)
     _check_known(sources, pressure_zero, required, where)
-    remarks += _leave_words(sources, foreign, columns or {})
+    texts = _leave_words(sources, foreign, columns or {})
+    asked = {*(columns or {}), *(units or {}), *scaled, *((required,) if isinstance(required, str) else required)}
+    unknown = _leave_unknown_units(sources, foreign, words, asked)
+    remarks += unknown
     clock, left = _clock(sources, foreign, bool(columns), where)
     numbers = {
         name: foreign[c.at].values
         if is_date(foreign[c.at].values)
-        else column_numbers(foreign[c.at], table.rows, where)
+        else column_numbers(foreign[c.at], table.rows, where, overload=name != "time")
         for name, c in sources.items()
     }
     numbers = {name: _on_clock(numbers[name], foreign[c.at], clock, foreign) for name, c in sources.items()}
+    implied = next((one.time for one in foreign if one.clock == clock), None)
+    if table.rows is None and left and implied is not None and "time" not in sources:
+        # Beyond its own times a channel is not known: the record is what all have.
+        whole = np.all(
+            [~np.isnan(v) | np.isnan(foreign[sources[n].at].values).any() for n, v in numbers.items()], axis=0
+        )
+        if whole.any() and not whole.all():
+            numbers = {name: values[whole] for name, values in numbers.items()}
+            table = table._replace(
+                columns=[c._replace(time=implied[whole], values=c.values[: len(implied)][whole]) if c.clock == clock else c
+                         for c in foreign]
+            )  # fmt: skip
+            left.append(
+                f"the record is cut to {implied[whole][0]:.6g} s to {implied[whole][-1]:.6g} s, which all channels have"
+            )
     blank: list[str] = []
     if table.rows is not None:
         at = {c.at: numbers[name] for name, c in sources.items() if numbers[name].dtype.kind == "f"}
         keep, blank = without_blank_rows(table, at, where)
         numbers = {name: values[keep] for name, values in numbers.items()}
+        texts = {label: cells[keep] for label, cells in texts.items()}
         table = table._replace(rows=[n for n, kept in zip(table.rows, keep, strict=True) if kept])
     remarks += left + blank
-    time, start = _time(sources.pop("time", None), numbers.get("time"), table, clock, words, period, where)
-    remarks += _gaps(time, table, strict, where)
+    time, start, day = _time(sources.pop("time", None), numbers.get("time"), table, clock, words, period, where)
+    values = [
+        v for v in numbers.values() if v.dtype.kind == "f" and len(v) == len(time) and v is not numbers.get("time")
+    ]
+    alike = np.r_[False, np.all([v[1:] == v[:-1] for v in values], axis=0)] if values and len(time) > 1 else None
+    label = next((c.label for c in foreign if quantity_of(parse_header(0, c.label)[0]) == "time"), "time")
+    mended = mend_clock(time, label, day, alike, table, strict, where)
+    time, remarks = mended.time, [*remarks, *mended.remarks]
+    if mended.kept is not None:
+        numbers = {name: values[mended.kept] for name, values in numbers.items()}
+        texts = {label: cells[mended.kept] for label, cells in texts.items()}
+        if table.rows is not None:
+            table = table._replace(rows=[table.rows[i] for i in mended.kept])
+    remarks += find_gaps(time, label, table, strict, where)
+    events = _events(texts, time)
+    for label, cells in texts.items():
+        count = sum(one["column"] == label for one in events)
+        what = f"kept as {count} event{'s' if count > 1 else ''}" if count else "left out: it holds no numbers"
+        if any(cells):
+            remarks.append(f"{label} is {what}")
     channels: dict[str, Channel] = {}
     for name, column in sources.items():
         zero = pressure_zero.get(name, 0.0) if isinstance(pressure_zero, Mapping) else pressure_zero
         if not math.isfinite(zero):
             raise InputError("pressure_zero", zero, "must be a finite pressure [Pa]", where=where)
-        channels[name] = _channel(name, column, numbers[name], table, words.get(name), zero, ambient, where)
+        channels[name] = _channel(
+            name, column, numbers[name], table, words.get(name), scaled.get(name), zero, ambient, where
+        )
     if not channels:
         raise InputError("channels", None, "must be at least one column beside the time", where=where)
     sensors = {n: c for n, c in channels.items() if c.kind != "command"} or channels
@@ -363,14 +304,23 @@ def assemble(
         name, channel = next(iter(sensors.items()))
         problem = f"is {with_unit(float(channel.values[0]), channel.unit)} throughout, and no channel changes"
         raise InputError(name, None, problem, where=where)
-    about = {n: {"column": foreign[c.at].label, "unit": words.get(n)} for n, c in sources.items()}
+    for name in sources:
+        if (standard := standard_flow(words.get(name) or "")) is not None:
+            remarks.append(f"{foreign[sources[name].at].label} is taken as a mass flow of air, {standard[1]}")
+    about = {
+        n: {"column": foreign[c.at].label, "unit": words.get(n), **({"scale": scaled[n]} if n in scaled else {})}
+        for n, c in sources.items()
+    }
     source = {"file": path.name, "columns": about, **({"start": start} if start else {}), **table.notes}
     if pressure_zero:
         source["pressure_zero"] = pressure_zero
-    if blank:
-        source["left_out"] = blank
+    if blank or unknown:
+        source["left_out"] = [*blank, *unknown]
+    more: dict[str, Any] = {"runs": mended.runs} if mended.runs else {}
+    if events:
+        more["events"] = [{"time": one["time"], "text": one["text"]} for one in events]
     try:
-        return StoredRecording(time, channels, {"title": path.name, "source": source}, remarks)
+        return StoredRecording(time, channels, {"title": path.name, "source": source, **more}, remarks)
     except InputError as error:
         raise error.at(where) from None
 
@@ -424,18 +374,97 @@ def _sources_of(table: ForeignTable, columns: dict[str, str | int], timed: bool,
     return choose_columns(table_labels(table) if table.named else None, len(labels), asked, timed, where)
 
 
+def _whole_dates(table: ForeignTable) -> ForeignTable:
+    """The table with a date and the time of day beside it, each in a column of its own, as one column of times."""
+    stems = [plain_stem(parse_header(at, column.label)[0]) for at, column in enumerate(table.columns)]
+    days, times = [i for i, s in enumerate(stems) if s in DAYS], [i for i, s in enumerate(stems) if s in TIMES]
+    if len(days) != 1 or len(times) != 1 or not all(is_date(table.columns[i].values) for i in (*days, *times)):
+        return table
+    both = zip(table.columns[days[0]].values, table.columns[times[0]].values, strict=True)
+    joined = np.array([f"{str(day).strip()} {str(clock).strip()}" for day, clock in both], object)
+    columns = [c._replace(values=joined) if i == times[0] else c for i, c in enumerate(table.columns) if i != days[0]]
+    return table._replace(columns=columns)
+
+
 def _leave_words(
     sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], columns: Mapping[str, str | int]
-) -> list[str]:
-    """Take columns of words out of `sources` unless they were asked for; a line for each."""
-    lines = []
+) -> dict[str, np.ndarray]:
+    """Take columns of words out of `sources` unless they were asked for: their cells by label."""
+    texts = {}
     for name, column in list(sources.items()):
         values = foreign[column.at].values
         if name in columns or values.dtype.kind != "O" or not len(values) or is_date(values):
             continue
         cells = [str(cell).strip() for cell in values]
-        if not any(cell[:1].isdigit() or cell[1:2].isdigit() or is_number(cell) for cell in cells) and any(cells):
-            lines.append(f"{foreign[column.at].label} is left out: it holds no numbers")
+        if not any(cell[:1].isdigit() or cell[1:2].isdigit() or is_number(cell) for cell in cells):
+            texts[foreign[column.at].label] = np.array(cells, object)
+            del sources[name]
+    return texts
+
+
+MOST_EVENTS = 1000  # of the words of a file
+
+
+def _events(texts: Mapping[str, np.ndarray], time: np.ndarray) -> list[dict[str, Any]]:
+    """What columns of words say, and when: each cell that differs from the one before it."""
+    found = []
+    for label, cells in texts.items():
+        if len(cells) != len(time):  # of another clock
+            continue
+        changed = [i for i, cell in enumerate(cells) if cell and (i == 0 or cell != cells[i - 1])]
+        if len(changed) <= min(MOST_EVENTS, max(len(cells) // 2, 3)):
+            found += [{"time": float(time[i]), "text": str(cells[i])[:200], "column": label} for i in changed]
+    return sorted(found, key=lambda event: event["time"])
+
+
+def _scales(
+    sources: Mapping[str, ColumnSource], foreign: Sequence[ForeignColumn], words: dict[str, str | None],
+    scales: Mapping[str, str], where: str,
+) -> dict[str, str]:  # fmt: skip
+    """Scales by channel; the unit of a raw signal without one is that of its scale, and counts are pure numbers."""
+    labels = {foreign[column.at].label: name for name, column in sources.items()}
+    found = {}
+    for key, scale in scales.items():
+        name = key if key in sources else labels.get(key)
+        if name is None or name == "time":
+            raise InputError("scale", key, "the columns are", known=[n for n in sources if n != "time"], where=where)
+        raw = parse_scale(scale, field=f"scale of {name}", where=where).raw
+        words[name] = words.get(name) or raw
+        if si_of(raw, field=f"scale of {name}")[0] != si_of(words[name] or "1", field=f"unit of {name}")[0]:
+            of = foreign[sources[name].at].label
+            problem = f"must be per {words[name]}, the unit of {of}, such as '2 bar/{words[name]}'"
+            raise InputError(f"scale of {name}", scale, problem, where=where)
+        found[name] = scale
+    return found
+
+
+def _leave_unknown_units(
+    sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], words: Mapping[str, str | None], asked: set[str]
+) -> list[str]:  # fmt: skip
+    """Take columns whose unit is not known out of `sources`, unless they are asked for, by name or by what they are."""
+    left: dict[str, list[str]] = {}
+    others = []
+    for name, column in sources.items():
+        wanted = name in asked or foreign[column.at].label in asked or quantity_of(name.rpartition(".")[2]) is not None
+        unit = words.get(name)
+        if name == "time" or foreign[column.at].values.dtype.kind == "b":
+            continue
+        try:
+            known = unit is not None and bool(si_of(unit, field="unit"))
+        except InputError:
+            known = False
+        if known or wanted:
+            others.append(name)
+        else:
+            reason = "no unit is stated" if unit is None else f"the unit {unit} is not known"
+            left.setdefault(reason, []).append(name)
+    if not others:
+        return []  # what is said of the first of them asks for its unit
+    lines = []
+    for reason, names in left.items():
+        labels = ", ".join(foreign[sources[name].at].label for name in names)
+        lines.append(f"{labels} {'is' if len(names) == 1 else 'are'} left out: {reason} (units says it, or --unit)")
+        for name in names:
             del sources[name]
     return lines
 
@@ -453,47 +482,74 @@ def _check_known(
 
 
 def _units(
-    sources: Mapping[str, ColumnSource], foreign: Sequence[ForeignColumn], units: dict[str, str], where: str
+    sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], units: dict[str, str], where: str
 ) -> dict[str, str | None]:
-    """Unit of each channel that is read, including the time."""
+    """Unit of each channel that is read, including the time; a pressure that is stated as absolute is named so."""
     labels = {foreign[column.at].label: name for name, column in sources.items()}
     words = {name: column.unit for name, column in sources.items()}
     for key, unit in units.items():
         name = key if key in sources else labels.get(key)
         if name is None:
             raise InputError("unit", key, "the columns are", known=sources, where=where)
+        word, reference = split_reference(unit)
+        if reference == "absolute" and not name.endswith("_abs"):
+            named = f"{name}_abs"
+            sources[named], words[named] = sources.pop(name), words.pop(name)
+            name = named
+        unit = word if reference else unit
+        if (said := words[name]) is not None and name != "time":
+            kinds = [_kind_of_unit(one) for one in (said, unit)]
+            if None not in kinds and kinds[0] != kinds[1]:
+                problem = (
+                    f"must be of the kind that the file states, {said}; a raw signal has a scale, '2 {unit}/{said}'"
+                )
+                raise InputError(f"unit of {name}", unit, problem, where=where, remedy=f"scale {name}")
         words[name] = unit
     return words
+
+
+def _kind_of_unit(word: str) -> str | None:
+    try:
+        return si_of(word, field="unit")[0]
+    except InputError:
+        return None
 
 
 def _clock(
     sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], chosen: bool, where: str
 ) -> tuple[str, list[str]]:
-    """Common clock of all channels; columns with other clocks are removed if the file states which is which."""
+    """The clock that all channels get: that of the time where the file has one, of the first one `chosen`, else the finest.
+
+    Channels of other clocks are interpolated to it where their times are known, and left out where they are not.
+    """
     clocks = dict.fromkeys(foreign[column.at].clock for column in sources.values())
     if len(clocks) == 1:
         return next(iter(clocks)), []
-    if chosen and all(foreign[column.at].time is not None for column in sources.values()):
-        kept = next(iter(clocks))
-        return kept, [
-            f"{name} is interpolated to the times of {kept}"
-            for name, column in sources.items() if foreign[column.at].clock != kept
-        ]  # fmt: skip
-    if chosen or "time" not in sources:
-        of = {clock: [n for n, c in sources.items() if foreign[c.at].clock == clock] for clock in clocks}
-        shown = {clock: ", ".join(names[:3]) + (", .." if len(names) > 3 else "") for clock, names in of.items()}
-        problem = "; ".join(f"{clock}: {names}" for clock, names in shown.items())
-        needs = "a recording has one time; choose columns"
-        sentence = f"the columns have {len(clocks)} clocks ({problem}), and {needs}"
-        raise InputError(
-            "columns", f"of {len(clocks)} clocks", needs, sentence=sentence, where=where, remedy="column NAME"
-        )
-    kept = foreign[sources["time"].at].clock
+    timed = {one.clock: one.time for one in foreign if one.time is not None}
+    if "time" in sources:
+        kept = foreign[sources["time"].at].clock
+    else:
+        if not {*clocks} <= {*timed}:
+            of = {clock: [n for n, c in sources.items() if foreign[c.at].clock == clock] for clock in clocks}
+            shown = {clock: ", ".join(names[:3]) + (", .." if len(names) > 3 else "") for clock, names in of.items()}
+            problem = "; ".join(f"{clock}: {names}" for clock, names in shown.items())
+            needs = "a recording has one time; choose columns"
+            sentence = f"the columns have {len(clocks)} clocks ({problem}), and {needs}"
+            raise InputError(
+                "columns", f"of {len(clocks)} clocks", needs, sentence=sentence, where=where, remedy="column NAME"
+            )
+        kept = next(iter(clocks)) if chosen else max(clocks, key=lambda clock: len(timed[clock]))
     others = [name for name, column in sources.items() if foreign[column.at].clock != kept]
+    if kept in timed and all(foreign[sources[name].at].clock in timed for name in others):
+        return kept, [f"{name} is interpolated to the times of {_first_of(kept, sources, foreign)}" for name in others]
     lines = [f"{foreign[sources[n].at].label} is left out: its samples are not those of the time" for n in others]
     for name in others:
         del sources[name]
     return kept, lines
+
+
+def _first_of(clock: str, sources: Mapping[str, ColumnSource], foreign: Sequence[ForeignColumn]) -> str:
+    return next(n for n, c in sources.items() if foreign[c.at].clock == clock and n != "time")
 
 
 def _on_clock(values: np.ndarray, column: ForeignColumn, clock: str, foreign: Sequence[ForeignColumn]) -> np.ndarray:
@@ -514,8 +570,11 @@ def _time(
     words: Mapping[str, str | None],
     period: float | None,
     where: str,
-) -> tuple[np.ndarray, str | None]:
-    """The time [s], and the date of its beginning where the file has dates."""
+) -> tuple[np.ndarray, str | None, float | None]:
+    """The time [s], the date of its beginning where the file has dates, and after what the clock begins anew [s].
+
+    A time of day begins anew after 86400 s, a counter of whole numbers after 2**32 or 2**16 of them.
+    """
     count, implied = next((len(g.values), g.time) for g in table.columns if g.clock == clock)
     if period is not None:
         if column is not None:
@@ -523,91 +582,41 @@ def _time(
             raise InputError("period", period, allowed, where=where)
         if not (math.isfinite(period) and period > 0.0):
             raise InputError("period", period, "must be a time above 0 s", where=where)
-        return np.arange(count if table.rows is None else len(table.rows)) * float(period), None
+        return np.arange(count if table.rows is None else len(table.rows)) * float(period), None, None
     if column is None or values is None:
         if implied is not None:
-            return implied, None
+            return implied, None, None
         allowed = f"none is named {choice(TIMES[:3])}; say which one it is, or state the period of the samples"
         raise InputError("time", None, f"is in no column: {allowed}", where=where, remedy="column time")
     label = table.columns[column.at].label
+    of_day = False
     if values.dtype.kind == "O":
-        values = _dates([str(cell).strip() for cell in values])
+        cells = [str(cell).strip() for cell in values]
+        of_day = bool(cells) and _TIME_OF_DAY.fullmatch(cells[0]) is not None
+        values = parse_dates(cells)
     if values.dtype.kind == "M":
         dates = values.astype("datetime64[ns]")
         time = np.where(np.isnat(dates), np.nan, (dates - dates[:1]).astype("int64") * 1e-9)
-        start = str(values[0]) if len(values) else None
-    else:
-        unit, scale, offset = si_of(words.get("time") or "s", field=f"unit of time ({label})", where=where)
-        if unit != "s":
-            raise InputError(f"unit of time ({label})", words["time"], "must be a time such as s or ms", where=where)
-        time, start = values * scale + offset if scale != 1.0 or offset else values.astype(float), None
-    steps = np.diff(time)
-    if table.rows is not None and not (steps > 0.0).all():
-        i = int(np.argmin(steps > 0.0))
-        problem = f"{time[i + 1]!s} s after {time[i]!s} s"
-        raise InputError(f"{label}{table.place(i + 1)}", problem, "times must increase, each once", where=where)
-    return time, start
+        # Some programs write the time of day anew beside the date on which the record began.
+        return time, str(values[0]) if len(values) and not of_day else None, 86400.0
+    unit, scale, offset = si_of(words.get("time") or "s", field=f"unit of time ({label})", where=where)
+    if unit != "s":
+        raise InputError(f"unit of time ({label})", words["time"], "must be a time such as s or ms", where=where)
+    time = values * scale + offset if scale != 1.0 or offset else values.astype(float)
+    counted = len(values) > 1 and bool((values == np.round(values)).all())
+    wrap = None
+    if counted and (back := float(np.diff(values).min())) < 0.0:
+        # A step back of almost all that a counter holds is the counter, and no new run.
+        wrap = next((2.0**bits * scale for bits in (16, 32) if -(2.0**bits) < back < -0.9 * 2.0**bits), None)
+    return time, None, wrap
 
 
-def _gaps(time: np.ndarray, table: ForeignTable, strict: bool, where: str) -> list[str]:
-    """A line for the largest gap in the time [s] of a text table; refused where `strict`."""
-    steps = np.diff(time)
-    if table.rows is None or len(steps) < 2:
-        return []
-    usual = float(np.median(steps))
-    # Stamps are decimals: an interval of three times the median may be a bit longer in binary.
-    if steps.max() <= LARGEST_GAP * usual * (1.0 + 1e-9) + 4.0 * np.spacing(np.abs(time).max()):
-        return []
-    i = int(steps.argmax())
-    if not strict:
-        count = int((steps > LARGEST_GAP * usual).sum())
-        several = f", the largest of {count}" if count > 1 else ""
-        return [f"gap of {steps[i]:.6g} s before{table.place(i + 1)[1:]}{several}; the usual interval is {usual:.6g} s"]
-    most = f"{LARGEST_GAP:g} times the usual interval, {LARGEST_GAP * usual:.6g} s"
-    problem = f"must be at most {most}, after the row before, got {steps[i]:.6g} s at {time[i + 1]:.6g} s; is it a gap?"
-    at = next((c.label for c in table.columns if quantity_of(parse_header(0, c.label)[0]) == "time"), "time")
-    raise InputError(f"{at}{table.place(i + 1)}", None, problem, where=where)
-
-
-def is_date(values: np.ndarray) -> bool:
-    """Whether values are dates, or cells in words that are."""
-    if values.dtype.kind != "O":
-        return values.dtype.kind == "M"
-    filled = next((str(cell).strip() for cell in values if str(cell).strip()), "")
-    return not is_number(filled) and len(_dates([filled])) == 1
-
-
-_DATE_FORMATS = (
-    "%d.%m.%Y %H:%M:%S",
-    "%d.%m.%y %H:%M:%S",
-    "%m/%d/%Y %H:%M:%S",
-    "%d/%m/%Y %H:%M:%S",
-    "%Y/%m/%d %H:%M:%S",
-    "%H:%M:%S",
-)
-
-
-def _dates(cells: Sequence[str]) -> np.ndarray:
-    """Cells as dates (n,) datetime64[us], by the first way of writing that fits all; empty where none does."""
-    plain = [cell.replace(",", ".") for cell in cells]
-
-    def iso(cell: str) -> datetime:
-        return datetime.fromisoformat(cell).replace(tzinfo=None)
-
-    def written(form: str) -> Callable[[str], datetime]:
-        return lambda cell: datetime.strptime(cell, f"{form}.%f" if "." in cell[8:] else form)
-
-    for parse_cell in (iso, *map(written, _DATE_FORMATS)):
-        try:
-            return np.array([parse_cell(cell) for cell in plain], "datetime64[us]")
-        except ValueError:
-            continue
-    return np.empty(0, "datetime64[us]")
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?", re.I)
 
 
 def _channel(
-    name: str, column: ColumnSource, values: np.ndarray, table: ForeignTable, unit: str | None, zero: float, ambient: float,
-    where: str,
+    name: str, column: ColumnSource, values: np.ndarray, table: ForeignTable, unit: str | None, scale: str | None,
+    zero: float, ambient: float, where: str,
 ) -> Channel:  # fmt: skip
     foreign = table.columns[column.at]
     if values.dtype.kind != "f":
@@ -621,9 +630,12 @@ def _channel(
         else:
             field, problem = f"unit of {name}", f"write it into the header, such as '{name} [kPa]', or say it"
         raise InputError(field, None, f"has no unit: {problem}", where=where, remedy=f"unit {name}")
-    si, scale, offset = si_of(unit, field=f"unit of {name} ({foreign.label})", where=where)
-    if scale != 1.0 or offset:
-        values = values * scale + offset
+    si, factor, offset = si_of(unit, field=f"unit of {name} ({foreign.label})", where=where)
+    if factor != 1.0 or offset:
+        values = values * factor + offset
+    if scale is not None:
+        scaled = Channel(values, si).scaled(scale)
+        values, si = scaled.values, scaled.unit
     if is_pressure(si):
         if not name.endswith("_abs"):
             values = values - zero if zero else values

@@ -29,9 +29,10 @@ import numpy as np
 from ..documents import ErrorKeepingFile, JsonValue
 from ..errors import InputError
 from ..extras import library
+from .labels import time_column
 from .sidecar import KEY, dumps, loads, one_line, unreadable
 from .store import check_self_contained
-from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording
+from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, si_of
 from .text import plain_names
 
 _LARGEST = 2**31 - 1  # [B] of a variable of version 5
@@ -101,13 +102,105 @@ def read_matlab(path: Path) -> StoredRecording | ForeignTable:
     columns: list[ForeignColumn] = []
     notes: dict[str, Any] = {}
     for label, value in _leaves({k: v for k, v in sorted(variables.items()) if k != "units" or not words}, "", 0):
-        array = np.asarray(value) if isinstance(value, np.ndarray | list) else None
-        if array is not None and array.ndim and array.size > 1:
+        if isinstance(value, Mapping):
+            columns += _logged(label, value)
+            continue
+        array = _array(value)
+        if array is not None and array.ndim == 2 and 1 < min(array.shape) <= min(MOST_ROWS, max(array.shape) // 2):
+            columns += _matrix(label, array if array.shape[0] >= array.shape[1] else array.T)
+            if columns[-1].clock.endswith("evenly"):
+                remarks.append(f"the first row or column of {label} rises evenly, and is taken as the time in s")
+        elif array is not None and array.ndim and array.size > 1:
             unit = words.get(label, words.get(label.rpartition(".")[2]))
             columns.append(ForeignColumn(label, array, unit, f"{len(array)} samples"))
         elif isinstance(value, str | int | float | bool | np.number | np.bool_):
             notes[label] = value.item() if isinstance(value, np.generic) else value
     return ForeignTable(columns, {"values": {k.replace("$", "_"): v for k, v in notes.items()}}, remarks)
+
+
+MOST_ROWS = 64  # columns of a matrix that are channels; more are a picture or a table of another kind
+
+
+def _array(value: Any) -> np.ndarray | None:
+    if not isinstance(value, np.ndarray | list):
+        return None
+    try:
+        return np.asarray(value)
+    except ValueError:  # rows of unequal lengths
+        return None
+
+
+def _matrix(label: str, array: np.ndarray) -> list[ForeignColumn]:
+    """Columns of a matrix (n, k); where the first rises evenly, it is the time, as To File of Simulink writes it."""
+    steps = np.diff(array[:, 0]) if array.dtype.kind in "fiu" else np.zeros(1)
+    timed = bool(len(steps) > 1 and steps.min() > 0.0 and np.ptp(steps) <= 1e-3 * steps.mean())
+    clock = f"{len(array)} samples" + (", evenly" if timed else "")
+    first = [ForeignColumn(f"{label}_time", array[:, 0], "s", clock)] if timed else []
+    return [
+        *first,
+        *(ForeignColumn(f"{label}_{at + 1}", array[:, at], None, clock) for at in range(int(timed), array.shape[1])),
+    ]
+
+
+def _is_logged(value: Mapping[str, Any]) -> bool:
+    """Whether a struct is a Structure With Time of Simulink, or a record of dSPACE's ControlDesk."""
+    return {"time", "signals"} <= {*value} or (
+        isinstance(value.get("X"), Mapping | list) and isinstance(value.get("Y"), Mapping | list)
+    )
+
+
+def _structs(value: Any) -> list[dict[str, Any]]:
+    """An array of structs as a list, whether the reader gives a list of structs or a struct of lists."""
+    if isinstance(value, list):
+        return [dict(one) for one in value if isinstance(one, Mapping)]
+    several = [v for k, v in value.items() if k in ("label", "Name") and isinstance(v, list)]
+    several = several or [v for k, v in value.items() if k in ("values", "Data") and isinstance(v, list)]
+    if not several:
+        return [dict(value)]
+    count = len(several[0])
+    return [
+        {k: v[i] if len(v) == count else v for k, v in value.items() if hasattr(v, "__len__")} for i in range(count)
+    ]
+
+
+def _logged(label: str, value: Mapping[str, Any]) -> list[ForeignColumn]:
+    """Columns of a Structure With Time, or of a record of ControlDesk, whose signals each have an axis of times."""
+    columns: list[ForeignColumn] = []
+    if "signals" in value:
+        time = np.ravel(np.asarray(value["time"], float))
+        columns.append(ForeignColumn(f"{label}.time", time, "s", f"{len(time)} samples"))
+        for count, signal in enumerate(_structs(value["signals"]), 1):
+            values = np.asarray(signal.get("values"), float)
+            name = signal.get("label")
+            name = name.strip() if isinstance(name, str) and name.strip() else f"signal {count}"
+            values = values.reshape(len(time), -1) if values.size % max(len(time), 1) == 0 else values[:, None]
+            names = [name] if values.shape[1] == 1 else [f"{name} {at}" for at in range(1, values.shape[1] + 1)]
+            columns += [
+                ForeignColumn(f"{label}.{one}", values[:, at], None, f"{len(values)} samples")
+                for at, one in enumerate(names)
+            ]
+        return columns
+    axes = _structs(value["X"])
+    for signal in _structs(value["Y"]):
+        values = np.ravel(np.asarray(signal["Data"], float))
+        axis = np.ravel(np.asarray(axes[int(np.ravel(signal.get("XIndex", 1))[0]) - 1]["Data"], float))
+        # "Model Root"/Pressure/Out1: the name of the block says what it is.
+        parts = [part for part in str(signal.get("Name", "")).replace('"', "").split("/") if part]
+        name = next(
+            (part for part in reversed(parts) if not re.fullmatch(r"Out\d*|In\d*|Value", part)),
+            f"signal {len(columns)}",
+        )
+        unit = signal.get("Unit")
+        columns.append(
+            ForeignColumn(
+                f"{label}.{name}",
+                values,
+                unit if isinstance(unit, str) and unit else None,
+                f"{len(axis)} samples",
+                axis,
+            )
+        )
+    return columns
 
 
 def content(path: str | Path) -> tuple[dict[str, JsonValue], list[str]]:
@@ -117,8 +210,24 @@ def content(path: str | Path) -> tuple[dict[str, JsonValue], list[str]]:
     check_self_contained(path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        variables = pymatreader.read_mat(path)
+        try:
+            variables = pymatreader.read_mat(path)
+        except ValueError:  # it cannot hold signals of unequal widths in one array
+            from scipy.io import loadmat
+
+            loaded = loadmat(path, struct_as_record=False, squeeze_me=True)
+            variables = {name: _unpacked(value) for name, value in loaded.items() if not name.startswith("__")}
     return variables, [one_line(w.message) for w in caught if isinstance(w.message, Warning)]
+
+
+def _unpacked(value: Any) -> Any:
+    """What scipy reads of a variable as mappings, lists and arrays."""
+    names = getattr(value, "_fieldnames", None)
+    if names is not None:
+        return {name: _unpacked(getattr(value, name)) for name in names}
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [_unpacked(one) for one in value.ravel()]
+    return value
 
 
 def _check_structure(path: Path) -> None:
@@ -158,7 +267,7 @@ def _leaves(tree: Mapping[str, JsonValue], before: str, depth: int) -> list[tupl
     for key, value in tree.items():
         if key.startswith("__"):
             continue
-        if isinstance(value, Mapping) and depth < _DEEPEST:
+        if isinstance(value, Mapping) and depth < _DEEPEST and not _is_logged(value):
             leaves += _leaves(dict(sorted(value.items())), f"{before}{key}.", depth + 1)
         else:
             leaves.append((f"{before}{key}", value))
@@ -209,7 +318,14 @@ def read_tdms(path: Path) -> StoredRecording | ForeignTable:
         if isinstance(line, str):
             columns = {channel.name: np.asarray(channel[:]) for channel in file[GROUP].channels()}
         else:
-            foreign = [column for group in file.groups() for column in _group(group, bool(logged))]
+            starts = [c.properties.get("wf_start_time") for group in file.groups() for c in group.channels()]
+            known = [start.astype("datetime64[ns]") for start in starts if isinstance(start, np.datetime64)]
+            # Start times are one clock only where all channels have one.
+            begun = min(known) if known and len(known) == len(starts) else None
+            groups = [_group(group, bool(logged), begun) for group in file.groups()]
+            if len(groups) > 1:
+                groups = [_own_times(columns) for columns in groups]
+            foreign = [column for columns in groups for column in columns]
             properties = {str(k).replace("$", "_"): _plain(v) for k, v in file.properties.items()}
     if isinstance(line, str):
         if logged:
@@ -237,22 +353,41 @@ def _library_log() -> Iterator[list[str]]:
             log.handlers = handlers
 
 
-def _group(group: Any, cut_off: bool) -> list[ForeignColumn]:
+def _group(group: Any, cut_off: bool, begun: np.datetime64 | None) -> list[ForeignColumn]:
     """Channels of a group; of a truncated file, as many samples as all of them have."""
     columns = {channel.name: np.asarray(channel[:]) for channel in group.channels()}
     most = min(map(len, columns.values()), default=0) if cut_off else None
-    return [_column(group.name, channel, columns[channel.name][:most]) for channel in group.channels()]
+    return [_column(group.name, channel, columns[channel.name][:most], begun) for channel in group.channels()]
 
 
-def _column(group: str, channel: Any, values: np.ndarray) -> ForeignColumn:
+def _column(group: str, channel: Any, values: np.ndarray, begun: np.datetime64 | None) -> ForeignColumn:
     properties = channel.properties
     unit = next((str(properties[key]) for key in _UNITS if properties.get(key)), None)
-    step, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
+    step, offset, start = (properties.get(f"wf_{key}") for key in ("increment", "start_offset", "start_time"))
     time, clock = None, f"{len(values)} samples"
     if isinstance(step, float) and step > 0.0 and np.isfinite(step):
-        time = float(offset) + step * np.arange(len(values))
-        clock += f" every {step:g} s from {offset:g} s"
+        begin = float(offset or 0.0)
+        if begun is not None and isinstance(start, np.datetime64):
+            begin += (start.astype("datetime64[ns]") - begun).astype("int64") * 1e-9
+        time = begin + step * np.arange(len(values))
+        clock += f" every {step:g} s from {begin:g} s"
     return ForeignColumn(f"{group}.{channel.name}", values, unit, clock, time)
+
+
+def _own_times(columns: list[ForeignColumn]) -> list[ForeignColumn]:
+    """The channels of a group that has a channel of times: these are theirs, and each group is a clock of its own."""
+    at = time_column([column.label.rpartition(".")[2] for column in columns])
+    if at is None or any(column.time is not None for column in columns):
+        return columns
+    stamps = columns[at].values
+    if stamps.dtype.kind not in "fiu" or len(stamps) < 2 or not (np.diff(stamps) > 0).all():
+        return columns
+    time = stamps * si_of(columns[at].unit or "s", field="unit of time")[1]
+    group = columns[at].label.rpartition(".")[0]
+    return [
+        c._replace(time=time, clock=f"{c.clock} of {group}")
+        for i, c in enumerate(columns) if i != at and len(c.values) == len(time)
+    ]  # fmt: skip
 
 
 def _plain(value: Any) -> Any:

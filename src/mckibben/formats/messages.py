@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -80,16 +80,25 @@ def message_columns(
 
 
 def json_message(message: object) -> LoggedMessage:
-    """The numbers of a message of JSON, nested by dots."""
-    return LoggedMessage(dict(_json_numbers(message, "")) if isinstance(message, Mapping) else {})
+    """The numbers of a message of JSON, nested by dots; lists are skipped."""
+    numbers: dict[str, Number] = {}
+    skipped: list[str] = []
+    if isinstance(message, Mapping):
+        _json_numbers(message, "", numbers, skipped)
+    return LoggedMessage(numbers, None, tuple(skipped))
 
 
-def _json_numbers(message: Mapping[str, JsonValue], before: str) -> Iterator[tuple[str, Number]]:
+def _json_numbers(
+    message: Mapping[str, JsonValue], before: str, numbers: dict[str, Number], skipped: list[str]
+) -> None:
     for key, value in message.items():
+        name = f"{before}{key}"
         if isinstance(value, Mapping):
-            yield from _json_numbers(value, f"{before}{key}.")
+            _json_numbers(value, f"{name}.", numbers, skipped)
         elif isinstance(value, bool | float) or (isinstance(value, int) and abs(value) < 2**1000):
-            yield f"{before}{key}", value
+            numbers[name] = value
+        elif isinstance(value, list) and value:
+            skipped.append(name)
 
 
 def ros_message(message: object) -> LoggedMessage:
@@ -213,7 +222,7 @@ def _proto_numbers(
                 _proto_numbers(value, f"{name}.", numbers, stamps, skipped, depth + 1)
         elif isinstance(value, bool | int | float):
             numbers[name] = value if isinstance(value, bool) else float(value)
-        elif not isinstance(value, str | bytes):
+        elif not isinstance(value, str | bytes) and len(value):
             skipped.append(name)
 
 

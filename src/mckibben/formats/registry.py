@@ -24,12 +24,23 @@ from .table import FileFormat, ForeignTable, StoredRecording
 BUILT_IN = {
     "nc": "store:NETCDF", "csv": "store:CSV", "mcap": "mcap:FORMAT", "mat": "exchange:MATLAB", "tdms": "exchange:TDMS",
     "parquet": "exchange:PARQUET", "txt": "store:TEXT", "tsv": "store:TEXT", "dat": "store:TEXT", "gz": "store:TEXT",
+    "lvm": "store:TEXT", "sto": "store:TEXT", "mot": "store:TEXT", "tra": "store:TEXT", "asc": "store:TEXT",
     "xlsx": "text:SPREADSHEETS", "xls": "text:SPREADSHEETS", "ods": "text:SPREADSHEETS",
     "h5": "store:HDF5", "hdf5": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS", "ddf": "ddf:FORMAT",
 }  # fmt: skip
 
 
-PLAIN_TEXT = (".csv", ".txt", ".tsv", ".dat")  # read by Python alone, in proportional time
+PLAIN_TEXT = (
+    ".csv",
+    ".txt",
+    ".tsv",
+    ".dat",
+    ".lvm",
+    ".sto",
+    ".mot",
+    ".tra",
+    ".asc",
+)  # read by Python alone, in proportional time
 SMALL_TEXT = 1 << 19  # [B]
 _NOT_THERE = "format of another process"
 

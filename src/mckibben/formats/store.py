@@ -28,7 +28,7 @@ from ..documents import ErrorKeepingFile
 from ..errors import InputError
 from .sidecar import SCHEMA, check_schema, file_attributes, one_line, parse, to_json, unreadable
 from .table import Channel, FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, channel_attributes
-from .text import read_text_table
+from .text import TEXT_OPTIONS, read_text_table
 
 BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
 CSV_HEAD = "# mckibben recording"
@@ -262,10 +262,10 @@ def is_recording_csv(path: Path) -> bool:
         return stream.readline(200).removeprefix(b"\xef\xbb\xbf").strip() == CSV_HEAD.encode()
 
 
-def read_csv(path: Path) -> StoredRecording | ForeignTable:
-    """Read a ``.csv`` file: a recording that `write_csv` wrote, or a text table of another program."""
+def read_csv(path: Path, **stated: Any) -> StoredRecording | ForeignTable:
+    """Read a ``.csv`` file: a recording that `write_csv` wrote, or a text table of another program as is `stated`."""
     if not is_recording_csv(path):
-        return read_text_table(path)
+        return read_text_table(path, **stated)
     try:
         with open(path, encoding="utf-8-sig", newline="\n") as stream:
             head, header = _csv_head(stream)
@@ -318,6 +318,6 @@ def _csv_numbers(stream: io.TextIOBase, before: int, header: list[str]) -> np.nd
 
 
 NETCDF = FileFormat(title="netCDF files", read=read_netcdf, write=write_netcdf)
-CSV = FileFormat(title="CSV files", read=read_csv, write=write_csv)
-TEXT = FileFormat(title="Text files", read=read_text_table)
+CSV = FileFormat(title="CSV files", read=read_csv, write=write_csv, options=TEXT_OPTIONS)
+TEXT = FileFormat(title="Text files", read=read_text_table, options=TEXT_OPTIONS)
 HDF5 = FileFormat(title="HDF5 files", read=read_hdf5)

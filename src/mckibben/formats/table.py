@@ -74,6 +74,27 @@ class Channel:
     def __repr__(self) -> str:
         return f"Channel({len(self)} values, unit={self.unit!r}, kind={self.kind!r}, meaning={self.meaning!r})"
 
+    def scaled(self, scale: str) -> Channel:
+        """Return the quantity that a raw signal stands for.
+
+        Args:
+            scale: the quantity per raw unit, with an offset or without: ``"2 bar/V"``, ``"0.5 N/mV - 3 N"``; of a channel
+                of counts, in ``"1"``, ``"4.9 mbar/count"``.
+
+        Raises:
+            InputError: the scale is none, or is not for the unit of this channel.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> mk.Channel([0.5, 1.0], "V").scaled("2 bar/V - 1 bar").values.tolist()
+            [0.0, 100000.0]
+        """
+        known = parse_scale(scale, field="scale")
+        unit, by, _ = si_of(known.raw, field="scale")
+        if unit != self.unit:
+            raise InputError("scale", scale, f"must be for a channel in {self.unit}, such as '2 bar/{self.unit}'")
+        return Channel(self.values * (known.gain / by) + known.offset, known.unit, self.kind, self.meaning)
+
     def with_values(self, values: ArrayLike) -> Channel:
         """Return a copy with other values (n,) [unit]."""
         return Channel(np.asarray(values), self.unit, self.kind, self.meaning)
@@ -260,6 +281,85 @@ def is_pressure(si_unit: str) -> bool:
     return si_unit in _PRESSURES
 
 
+# Volumes of air at a standard state, which flow meters state per minute: its density [kg/m^3], and words for a person.
+_NORMAL = (1.2929, "at 0 °C and 1.01325 bar (DIN 1343, SEMI E12)")
+_STANDARDS = {
+    "sl": _NORMAL,
+    "nl": _NORMAL,
+    "scc": _NORMAL,
+    "ncc": _NORMAL,
+    "l_anr": (1.185, "at 20 °C, 1 bar and 65 % (ISO 8778)"),
+}
+_FLOW = re.compile(r"(s|n)(l)(?:pm|/min|m)|(s|n)(cc)(?:m|pm|/min)|(l)/min ?\(?(anr)\)?")
+
+
+def standard_flow(unit: str) -> tuple[float, str] | None:
+    """Mass flow of air [kg/s] of one standard litre or cubic centimetre a minute, and the state that it is at.
+
+    Examples:
+        >>> standard_flow("SLPM")
+        (2.1548333333333332e-05, 'at 0 °C and 1.01325 bar (DIN 1343, SEMI E12)')
+    """
+    match = _FLOW.fullmatch(unit.strip().lower())
+    if match is None:
+        return None
+    parts = [part for part in match.groups() if part]
+    density, state = _STANDARDS["l_anr" if parts[-1] == "anr" else "".join(parts)]
+    return density * (1e-6 if parts[-1] == "cc" else 1e-3) / 60.0, state
+
+
+class Scale(NamedTuple):
+    """How a raw signal becomes a quantity: value [unit] = gain * raw + offset, raw in `raw`.
+
+    Args:
+        gain: [unit/raw].
+        offset: [unit].
+        unit: SI unit of the quantity.
+        raw: unit of the raw signal in words, ``1`` for counts.
+    """
+
+    gain: float
+    offset: float
+    unit: str
+    raw: str
+
+
+_SCALE = re.compile(
+    r"\s*(?P<gain>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>[^-+]+?)(?:\s*(?P<sign>[-+])\s*(?P<offset>\d.*))?\s*"
+)
+_COUNTS = ("1", "count", "counts", "digit", "digits", "lsb", "bit", "step")
+
+
+def parse_scale(text: str, *, field: str, where: str | None = None) -> Scale:
+    """Read the scale of a raw signal: ``2 bar/V``, ``0.5 N/mV - 3 N``, ``4.9 mbar/count``.
+
+    Raises:
+        InputError: says what would do.
+
+    Examples:
+        >>> parse_scale("2 bar/V - 1 bar", field="scale")
+        Scale(gain=200000.0, offset=-100000.0, unit='Pa', raw='V')
+    """
+    match = _SCALE.fullmatch(text)
+    if match is None:
+        problem = (
+            "must be a quantity per raw unit, with an offset or without: '2 bar/V', '0.5 N/mV - 3 N', '4.9 mbar/count'"
+        )
+        raise InputError(field, text, problem, where=where)
+    top, slash, raw = match["unit"].strip().rpartition("/")
+    if not slash:
+        top, raw = match["unit"].strip(), "1"
+    unit, scale, _ = si_of(top, field=field, where=where)
+    offset = 0.0
+    if match["offset"]:
+        number, _, word = match["offset"].strip().partition(" ")
+        other, by, _ = si_of(word.strip() or top, field=field, where=where)
+        if other != unit or not number.replace(".", "", 1).isdigit():
+            raise InputError(field, text, f"must have an offset in a unit such as {top}", where=where)
+        offset = float(f"{match['sign']}{number}") * by
+    return Scale(float(match["gain"]) * scale, offset, unit, "1" if raw.strip().lower() in _COUNTS else raw.strip())
+
+
 def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, float, float]:
     """SI unit of a unit, and the conversion: value [SI] = value * scale + offset.
 
@@ -270,6 +370,8 @@ def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, floa
         return "Pa", 1.0, 0.0
     if is_si(unit):
         return unit, 1.0, 0.0
+    if (standard := standard_flow(unit)) is not None:
+        return "kg/s", standard[0], 0.0
     word = _TEMPERATURES.get(unit, unit)
     for target in _ANGLES if _ANGLE_WORDS.search(word) else _TARGETS:
         try:

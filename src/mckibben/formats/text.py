@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Container, Iterable, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from ..documents import no_file
 from ..errors import InputError
 from ..extras import library
 from ..isolation import call_outside, check_unpacked
+from . import instruments
 from .sidecar import unreadable
 from .table import FileFormat, ForeignColumn, ForeignTable
 
@@ -33,16 +34,21 @@ MOST_NAMED = 8  # rows that a remark names
 MISSING = frozenset(
     ("", "nan", "na", "n/a", "#n/a", "null", "none", "--")
 )  # cells of R, MATLAB, pandas and spreadsheets without a value
+OVERLOAD = frozenset(
+    "inf +inf -inf infinity -infinity ∞ +∞ -∞ ol +ol -ol ovl ovld ovf overload overrange over overflow #num! #div/0!".split()
+)  # cells of oscilloscopes, loggers and multimeters beyond their range
+TEXT_OPTIONS = ("decimal", "header")  # of `table_of_rows`
 _BLOCK = 1 << 20  # [B]
 _LOOKED_AT = 200  # lines that decide on the dialect and on the place of the header
 _SEPARATOR = re.compile(r'"?sep=.?"?', re.I)  # the first line of some files of spreadsheets
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?|[-+]?\d+,")
-_DECIMAL_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?|[-+]?\d+\.")
 _GROUP = "[ '\u2019\u00a0\u202f]"  # what parts thousands beside a comma or a point
-_GROUPED = re.compile(rf"[-+]?\d{{1,3}}(?:{_GROUP}\d{{3}})+(?:[.,]\d+)?")
-_THOUSANDS = {
-    ",": re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?"),
-    ".": re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?"),
+# A number by its decimal mark; the other mark, or a blank, may part thousands. None begins with 0 and a group: 0.123 is one.
+_WRITTEN = {
+    mark: re.compile(
+        rf"[-+]?(?=.*\d)(?:[1-9]\d{{0,2}}(?:{re.escape(other)}\d{{3}})+|[1-9]\d{{0,2}}(?:{_GROUP}\d{{3}})+|\d*)"
+        rf"(?:{re.escape(mark)}\d*)?(?:[eE][-+]?\d+)?"
+    )
+    for mark, other in ((".", ","), (",", "."))
 }
 _LIKE_NUMBER = re.compile(rf"[-+]?(?:\d|[.,]\d)(?:[\d.,]|{_GROUP})*(?:[eE][-+]?\d+)?")
 _DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}([T ].*)?|\d{1,2}:\d\d.*")
@@ -79,8 +85,8 @@ def row_list(path: Path, where: str) -> list[list[Any]]:
     return [list(row) for row in _read_cells(path, where)[0]]
 
 
-def _read_cells(path: Path, where: str) -> tuple[Rows, list[str]]:
-    """The rows, and the cells of the last comment before them: some programs write the names of the columns there."""
+def _read_cells(path: Path, where: str) -> tuple[Rows, list[str], str | None]:
+    """The rows, the cells of the last comment before them, where some programs write the names, and what parts cells."""
     if not path.is_file():
         raise no_file(where)
     try:
@@ -90,21 +96,26 @@ def _read_cells(path: Path, where: str) -> tuple[Rows, list[str]]:
         raise InputError("file", "unreadable", "must be a text file", sentence=problem, where=where) from None
 
 
-def read_text_table(path: Path) -> ForeignTable:
+def read_text_table(path: Path, decimal: str | None = None, header: str | Sequence[str] | None = None) -> ForeignTable:
     """Read a text file as a table; see `read_rows` and `table_of_rows`.
 
     Raises:
         InputError: there is no such file, it is no text, or it has no table.
     """
-    rows, comment = _read_cells(path, str(path))
-    table = table_of_rows(rows, str(path))
+    rows, comment, mark = _read_cells(path, str(path))
+    known = instruments.plain(rows)
+    # Where a comma parts the cells, and no cell is quoted for one, only a point can be the decimal mark.
+    certain = mark == "," and not any("," in cell for _, row in known.rows for cell in row)
+    stated = decimal or known.decimal or ("." if certain else None)
+    table = table_of_rows(known.rows, str(path), decimal=stated, header=header)
+    table = table._replace(notes={**known.notes, **table.notes}, remarks=[*known.remarks, *table.remarks])
     if table.named or len(comment) != len(table.columns) or not _all_words(comment):
         return table
     named = zip(table.columns, comment, strict=True)
     return table._replace(columns=[c._replace(label=plain_text(label)) for c, label in named], named=True)
 
 
-def _cells(path: Path) -> tuple[Rows, list[str]]:
+def _cells(path: Path) -> tuple[Rows, list[str], str | None]:
     opener: Any = gzip.open if path.suffix == ".gz" else open
     if opener is gzip.open:
         with opener(path, "rb") as stream:
@@ -133,7 +144,7 @@ def _cells(path: Path) -> tuple[Rows, list[str]]:
                     (n, row) for n, row in enumerate(cells, 1) if any(map(str.strip, row)) and not _is_comment(row[0])
                 ]
                 names = list(csv.reader(comment, delimiter=mark)) if mark else list(map(_words, comment))
-                return rows, names[0] if names else []
+                return rows, names[0] if names else [], mark
         except UnicodeDecodeError:
             if encoding == encodings[-1]:
                 raise
@@ -156,7 +167,7 @@ def _mark(lines: Sequence[str]) -> str | None:
         rows = csv.reader(lines, delimiter=mark) if mark else map(_words, lines)
         widths = collections.Counter(len(row) for row in rows if len(row) > 1)
         count = max(widths.values(), default=0)
-        if count > most:
+        if count > (most if mark else 1.1 * most):  # words of a header may be parted by blanks, and its cells by tabs
             best, most = mark, count
     return best
 
@@ -170,42 +181,70 @@ def _words(line: str) -> list[str]:
     return _WORD.findall(line) if "[" in line or "(" in line else line.split()
 
 
-def table_of_rows(rows: Rows, where: str) -> ForeignTable:
+def table_of_rows(
+    rows: Rows, where: str, *, decimal: str | None = None, header: str | Sequence[str] | None = None
+) -> ForeignTable:
     """Find header, units and numbers in rows of cells.
 
     Lines before the header are kept as the note ``preamble``; a row of units below the names counts to the header. Rows
-    behind the numbers that hold none, and repetitions of the header, are left out and named in a remark.
+    that hold no numbers, summaries below the numbers, and repetitions of the header, are left out and named in a remark.
 
     Args:
         rows: cells with the number of their row, none of them blank throughout.
         where: how errors name the file.
+        decimal: the decimal mark, ``.`` or ``,``; by default the one that all numbers of the table fit.
+        header: names of the columns with their units, over those of the file, or where it has none; one text has commas.
 
     Returns:
-        The columns as cells in words.
+        The columns as cells in words, numbers with decimal points and without what parts thousands.
 
     Raises:
-        InputError: the first row is neither names nor numbers, or a row has too few or too many cells.
+        InputError: the first row is neither names nor numbers, a row has too few or too many cells, or the decimal mark
+            is not clear.
     """
+    if decimal not in (None, ".", ","):
+        raise InputError("decimal", decimal, known=(".", ","), where=where)
     if not rows:
         return ForeignTable([], {}, [], rows=(), named=True)
     begin, lines = _begin_of_numbers(rows)
-    header = _header(rows, begin, lines, where)
+    names = _header(rows, begin, lines, where) if header is None else _stated_header(header, rows[begin][1], where)
     preamble = [" ".join(cell for cell in map(str.strip, row) if cell) for _, row in rows[: begin - lines]]
-    table, remarks = _without_words(rows[begin:], [row for _, row in rows[begin - lines : begin]])
-    width = len(header) if header is not None else len(rows[begin][1])
-    if header is not None and table and all(len(row) == width + 1 for _, row in table):
+    width = len(names) if names is not None else len(rows[begin][1])
+    table, remarks = _without_words(rows[begin:], [row for _, row in rows[begin - lines : begin]], width)
+    if names is not None and table and all(len(row) == width + 1 for _, row in table):
         firsts = [row[0].strip() for _, row in table]
         if firsts == [str(i) for i in range(1, len(table) + 1)] or not any(map(is_number, firsts)):
-            header, width = ["", *header], width + 1  # R numbers or names its rows, and not their column
-    fitting = [
-        (n, row[:width] if len(row) > width and not any(map(str.strip, row[width:])) else row) for n, row in table
-    ]
-    check_width(fitting, width, f"the header has {width} columns" if header else f"the first row has {width}", where)
-    labels = header if header is not None else [f"column {at}" for at in range(1, width + 1)]
+            names, width = ["", *names], width + 1  # R numbers or names its rows, and not their column
+    words = _columns_of_words(table, width)
+    fitting = []
+    for n, row in table:
+        if len(row) > width and not any(map(str.strip, row[width:])):
+            row = row[:width]
+        elif len(row) < width and words.issuperset(range(len(row), width)):
+            row = [*row, *[""] * (width - len(row))]  # a comment that only some rows have
+        fitting.append((n, row))
+    check_width(fitting, width, f"the header has {width} columns" if names else f"the first row has {width}", where)
+    labels = names if names is not None else [f"column {at}" for at in range(1, width + 1)]
     cells = list(zip(*(row for _, row in fitting), strict=True)) or [() for _ in labels]
-    columns = [ForeignColumn(label, np.array(column, object)) for label, column in zip(labels, cells, strict=True)]
+    numbers = [n for n, _ in fitting]
+    plain, said = _with_points(cells, numbers, labels, decimal, where)
+    columns = [ForeignColumn(label, np.array(column, object)) for label, column in zip(labels, plain, strict=True)]
     notes = {"preamble": preamble} if preamble else {}
-    return ForeignTable(columns, notes, remarks, rows=[n for n, _ in fitting], named=header is not None)
+    return ForeignTable(columns, notes, [*remarks, *said], rows=numbers, named=names is not None)
+
+
+def _stated_header(header: str | Sequence[str], row: list[str], where: str) -> list[str]:
+    names = [plain_text(name) for name in (header.split(",") if isinstance(header, str) else header)]
+    if len(names) != len(_stripped(row)):
+        problem = f"must name each column, and the file has {len(_stripped(row))}; such as 'time [ms], pressure [bar]'"
+        raise InputError("header", ", ".join(names), problem, where=where)
+    return names
+
+
+def _columns_of_words(rows: Rows, width: int) -> set[int]:
+    """Columns of the table with words, and without a number."""
+    cells = {at: [row[at] for _, row in rows if len(row) > at and row[at].strip()] for at in range(width)}
+    return {at for at, filled in cells.items() if filled and not any(map(_like_number, filled))}
 
 
 def _begin_of_numbers(rows: Rows) -> tuple[int, int]:
@@ -247,17 +286,32 @@ def _header(rows: Rows, begin: int, lines: int, where: str) -> list[str] | None:
     return cells
 
 
-def _without_words(rows: Rows, header: list[list[str]]) -> tuple[Rows, list[str]]:
-    """The rows without those behind the last number and without repetitions of the header, and a remark for each kind."""
-    last = next((i for i in range(len(rows), 0, -1) if not _all_words(rows[i - 1][1])), len(rows))
-    remarks = [
-        f"row {n} is left out: it holds no numbers ({' '.join(' '.join(row).split())[:60]})" for n, row in rows[last:]
-    ]
-    kept = [(n, row) for n, row in rows[:last] if row not in header]
-    again = [n for n, row in rows[:last] if row in header]
-    if again:
-        remarks.append(rows_left_out(again, "the header once more"))
+def _without_words(rows: Rows, header: list[list[str]], width: int) -> tuple[Rows, list[str]]:
+    """The rows without repetitions of the header, text lines, and summaries below the numbers; a remark for each kind."""
+    again = [n for n, row in rows if row in header]
+    kept = [(n, row) for n, row in rows if row not in header]
+    remarks = [rows_left_out(again, "the header once more")] if again else []
+    # A summary stands below the last number, and has a word where all rows above it have numbers: "Max", "Peak force".
+    first = min((at for at in range(width) if at not in _columns_of_words(kept[:_LOOKED_AT], width)), default=0)
+    end = len(kept)
+    while end > 1 and (len(kept[end - 1][1]) <= first or _is_word(kept[end - 1][1][first])):
+        end -= 1
+    if not any(len(row) > first and _is_word(row[first]) for _, row in kept[: min(end, 2)]):
+        for n, row in kept[end:]:
+            reason = "it holds no numbers" if _all_words(row) else "it is below the rows of numbers"
+            remarks.append(f"row {n} is left out: {reason} ({' '.join(' '.join(row).split())[:60]})")
+        kept = kept[:end]
+    texts = [n for n, row in kept if _all_words(row) and any(_is_word(cell) for cell in row)]
+    if texts:
+        remarks.append(rows_left_out(texts, "a line of text"))
+        kept = [(n, row) for n, row in kept if n not in {*texts}]
     return kept, remarks
+
+
+def _is_word(cell: str) -> bool:
+    """Whether a cell is a word without digits, and none that stands for a number."""
+    cell = cell.strip().lower()
+    return cell not in MISSING and cell not in OVERLOAD and not any(map(str.isdigit, cell))
 
 
 def _stripped(row: list[str]) -> list[str]:
@@ -289,36 +343,88 @@ def _is_units(row: list[str]) -> bool:
     return known > 0 and all(_SHORT.fullmatch(cell) for cell in cells) and 2 * known >= sum(map(bool, cells))
 
 
-def with_points(cells: Sequence[str], numbers: Sequence[int], column: str, where: str) -> Sequence[str]:
-    """The cells of a column with decimal points, and without what parts thousands.
+class _Witness(NamedTuple):
+    """A number of the table and where it stands."""
+
+    cell: str
+    row: int
+    column: str
+
+
+def _with_points(
+    columns: Sequence[Sequence[str]], rows: Sequence[int], labels: Sequence[str], decimal: str | None, where: str
+) -> tuple[list[Sequence[str]], list[str]]:
+    """The cells of all columns with decimal points and without what parts thousands: one way of writing for a table.
+
+    Returns:
+        The columns, and a sentence where marks part thousands.
 
     Raises:
-        InputError: some numbers have decimal points and others decimal commas.
+        InputError: no way of writing fits all numbers, or both ways do and would give other numbers.
     """
-    if not any("," in c or c.count(".") > 1 or _GROUPED.fullmatch(c.strip()) for c in cells):
-        return cells
-    plain = [cell.strip() for cell in cells]
-    for group, decimal in ((",", "."), (".", ",")):
-        parted = [c for c in plain if group in c]
-        # 1,234.5, or 1,234,567: the comma can only part thousands
-        certain = any(decimal in c or c.count(group) > 1 for c in parted)
-        if certain and all(_THOUSANDS[group].fullmatch(c) for c in parted):
-            return [c.replace(group, "").replace(decimal, ".") if _like_number(c) else c for c in plain]
-    commas = [i for i, c in enumerate(plain) if _DECIMAL_COMMA.fullmatch(c)]
-    points = [i for i, c in enumerate(plain) if commas and _DECIMAL_POINT.fullmatch(c)]
-    if points:
-        odd, usual = sorted((commas, points), key=len)
-        at, other = f"{column}, row {numbers[odd[0]]}", f"{plain[usual[0]]!r} in row {numbers[usual[0]]}"
-        demand = "a column must not have both decimal points and decimal commas"
-        problem = f"{at}: {plain[odd[0]]!r} is no number beside {other}; {demand}"
-        raise InputError(at, plain[odd[0]], demand, sentence=problem, where=where)
-    return [_pointed(c) for c in plain]
+    marked = [
+        at for at, column in enumerate(columns)
+        if any("," in c or "." in c or _GROUPED.search(c) for c in column) and not _dated(column)
+    ]  # fmt: skip
+    only: dict[str, list[_Witness]] = {}  # numbers that fit one way of writing alone, by its decimal mark
+    both: _Witness | None = None
+    for at in marked:
+        for cell, row in zip(columns[at], rows, strict=True):
+            cell = cell.strip()
+            if not ("." in cell or "," in cell) or not _like_number(cell):
+                continue
+            fits = [mark for mark, written in _WRITTEN.items() if written.fullmatch(cell)]
+            if len(fits) == 1:
+                only.setdefault(fits[0], []).append(_Witness(cell, row, labels[at]))
+            elif fits and both is None:
+                both = _Witness(cell, row, labels[at])
+    if decimal is None:
+        if len(only) == 2:
+            odd, usual = (numbers[0] for numbers in sorted(only.values(), key=len))
+            other = "" if usual.column == odd.column else f" of {usual.column}"
+            demand = "a file must not have both decimal points and decimal commas"
+            place = f"{odd.column}, row {odd.row}"
+            problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
+            raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
+        if both is not None and not only:
+            mark = "." if "." in both.cell else ","
+            name, small, large = _NAMES[mark], both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)
+            problem = (
+                f"{both.column}, row {both.row}: {both.cell!r} is {small} if the {name} is the decimal mark, and {large} if "
+                f"it parts thousands; all numbers of the file fit both"
+            )
+            raise InputError("decimal", None, problem, sentence=problem, where=where, remedy="decimal")
+        decimal = next(iter(only), ".")
+    group = "." if decimal == "," else ","
+    parted: _Witness | None = None
+    plain: list[Sequence[str]] = list(columns)
+    for at in marked:
+        cells = [cell.strip() for cell in columns[at]]
+        for i, cell in enumerate(cells):
+            if _like_number(cell) and (_WRITTEN[decimal].fullmatch(cell) or _ZERO.fullmatch(cell)):
+                cells[i] = re.sub(f"{_GROUP}|{re.escape(group)}", "", cell).replace(decimal, ".")
+                if parted is None and group in cell:
+                    parted = _Witness(cell, rows[i], f"{cells[i]}")
+            elif _like_number(cell):  # of the other way of writing, where the mark is stated
+                demand = f"must be a number with a decimal {_NAMES[decimal]}"
+                raise InputError(f"{labels[at]}, row {rows[i]}", cell, demand, where=where, remedy="decimal")
+        plain[at] = cells
+    if parted is None:
+        return plain, []
+    return plain, [
+        f"the decimal mark of the file is the {_NAMES[decimal]}, and a {_NAMES[group]} parts thousands: "
+        f"{parted.cell} in row {parted.row} is {parted.column}"
+    ]
 
 
-def _pointed(cell: str) -> str:
-    if _GROUPED.fullmatch(cell):
-        cell = re.sub(_GROUP, "", cell)
-    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
+_NAMES = {".": "point", ",": "comma"}
+_ZERO = re.compile(r"[-+]?0(?:[.,]000)+")
+_GROUPED = re.compile(rf"\d{_GROUP}\d")
+
+
+def _dated(column: Sequence[str]) -> bool:
+    first = next((cell.strip() for cell in column if cell.strip()), "")
+    return _DATE.fullmatch(first) is not None
 
 
 def plain_text(cell: str) -> str:
@@ -393,12 +499,16 @@ def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int 
     return found
 
 
-def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable:
+def read_spreadsheet(
+    path: Path, sheet: str | int | None = None, decimal: str | None = None, header: str | Sequence[str] | None = None
+) -> ForeignTable:
     """Read the cells of a sheet as a table.
 
     Args:
         path: the file.
         sheet: name, or number from 1; by default the only one with rows of numbers.
+        decimal: decimal mark of numbers that are texts in the sheet.
+        header: names of the columns with their units, see `table_of_rows`.
 
     Raises:
         InputError: the file cannot be read, there is no such sheet, or several have cells and none is named.
@@ -414,10 +524,7 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
         filled = {
             name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in _asked(names, sheet, where)
         }
-    tables = {
-        name: [(i, [_cell_text(cell) for cell in row]) for i, row in enumerate(rows, 1)]
-        for name, rows in filled.items()
-    }
+    tables = {name: _texts_with_points(rows, decimal, where) for name, rows in filled.items()}
     tables = {
         name: [(i, row) for i, row in rows if any(row) and not row[0].startswith("#")] for name, rows in tables.items()
     }
@@ -438,7 +545,8 @@ def read_spreadsheet(path: Path, sheet: str | int | None = None) -> ForeignTable
     ((name, rows),) = tables.items()
     # columns at the left and right in which all cells are blank are no part of the table
     used = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
-    table = table_of_rows([(n, row[used[0] : used[-1] + 1]) for n, row in rows], where)
+    rows = [(n, row[used[0] : used[-1] + 1]) for n, row in rows]
+    table = table_of_rows(rows, where, decimal=".", header=header)
     return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
 
 
@@ -463,6 +571,17 @@ def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
     return [sheet]
 
 
+def _texts_with_points(rows: Sequence[Sequence[object]], decimal: str | None, where: str) -> Rows:
+    """The rows of a sheet as texts; numbers that are texts in the sheet have one decimal mark, which may be a comma."""
+    texts = [[cell if isinstance(cell, str) else "" for cell in column] for column in zip(*rows, strict=True)]
+    labels = [f"column {at}" for at in range(1, len(texts) + 1)]
+    plain, _ = _with_points(texts, range(1, len(rows) + 1), labels, decimal, where)
+    return [
+        (i, [_cell_text(text if isinstance(cell, str) else cell) for cell, text in zip(row, changed, strict=True)])
+        for i, (row, changed) in enumerate(zip(rows, zip(*plain, strict=True), strict=False), 1)
+    ]
+
+
 def _cell_text(cell: object) -> str:
     if isinstance(cell, float):
         return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
@@ -475,4 +594,6 @@ def _cell_text(cell: object) -> str:
     return str(cell).strip()
 
 
-SPREADSHEETS = FileFormat(title="Spreadsheets", read=read_spreadsheet, options=("sheet",), parts=sheet_names)
+SPREADSHEETS = FileFormat(
+    title="Spreadsheets", read=read_spreadsheet, options=("sheet", *TEXT_OPTIONS), parts=sheet_names
+)

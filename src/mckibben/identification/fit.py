@@ -1,8 +1,11 @@
-"""Fitting tension laws to a force map, and ranking them by Akaike's criterion.
+"""Fitting tension laws to a force map, and ranking them by how well they predict points that were left out.
+
+Akaike's criterion stands beside it. It takes the errors of a law as independent noise, which they are not, so that on real
+muscles it pays parameters that bend a law to its own table and to nothing else.
 
 A parameter that ended at a bound, or that the data do not contain, describes nothing: the law with it is the simpler law
 without it. Such parameters are counted out of the criterion, and the law that has them has to be better than a law with
-fewer parameters by more than the criterion can tell.
+fewer parameters by more than either number can tell.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from ..estimation import (
     INDIFFERENT,
     NORMAL_QUANTILE,
     Estimate,
+    Inseparable,
     akaike,
     posterior_uncertainty,
     require_influence,
@@ -59,6 +63,7 @@ if TYPE_CHECKING:
 SCHEMES = ("pressure", "length", "block", "rest_length")
 # Share of the largest tension below which no sensor resolves an error: below it, laws differ by rounding only.
 RESOLUTION = 1e-6
+ALIKE = 0.05  # share by which errors of prediction may differ between laws that predict alike
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 SIZE_UNITS = ("m", "m^2", "m^3", "rad")
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
@@ -90,6 +95,7 @@ class Fit(FittedLaw):
             another rest length [m]; zeros for none.
         hysteresis: friction with memory and creep from recordings, see `with_hysteresis`; None without recordings.
         between: how far muscles of the kind differ, where the table has several; None where it has one.
+        inseparable: parameters that the data do not tell apart.
 
     Examples:
         >>> import mckibben as mk
@@ -117,6 +123,7 @@ class Fit(FittedLaw):
     length_reach: tuple[float, float] = (0.0, 0.0)
     hysteresis: SharedHysteresis | None = None
     between: Between | None = None
+    inseparable: tuple[Inseparable, ...] = ()
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -159,6 +166,35 @@ class Fit(FittedLaw):
     def cv_max_error(self) -> float | None:
         """Largest of those errors [N]."""
         return self.cross["pressure"].max_error if "pressure" in self.cross else None
+
+    @property
+    def left_out_rmse(self) -> float | None:
+        """Root mean square error of all predictions of points that were left out, by any scheme [N]: what ranks laws.
+
+        Infinite where a fold failed, so that the law could not be checked; None where nothing was left out.
+        """
+        if not self.cross:
+            return None
+        return float(np.sqrt(np.mean([np.square(one.rmse) for one in self.cross.values()])))
+
+    @property
+    def left_out_max_error(self) -> float | None:
+        """Largest of those errors [N]."""
+        return max((one.max_error for one in self.cross.values()), default=None)
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data tell every parameter that describes something: none has an interval without end."""
+        spans = [e.high - e.low for name, e in self.parameters.items() if name not in self.degenerate]
+        return bool(np.isfinite(spans).all())
+
+    @property
+    def unchecked(self) -> str:
+        """Why nothing says how well the law predicts points that it was not fitted to; empty if something does."""
+        failed = [f"{one.failed} of {one.groups} by {scheme}" for scheme, one in self.cross.items() if one.failed]
+        if failed:
+            return f"fits with points left out failed, {', '.join(failed)}"
+        return "" if self.cross else "no points were left out of the fit"
 
     @property
     def aicc(self) -> float:
@@ -215,11 +251,15 @@ class Fit(FittedLaw):
             "max_error": self.max_error,
             "cv_rmse": self.cv_rmse,
             "cv_max_error": self.cv_max_error,
+            "left_out_rmse": self.left_out_rmse,
+            "left_out_max_error": self.left_out_max_error,
             "aicc": self.aicc,
             "n": len(self.points),
             "converged": self.converged,
             "at_bound": list(self.at_bound),
             "not_contained": list(self.not_contained),
+            "determined": self.determined,
+            "inseparable": [{"parameters": list(names), "correlation": r} for names, r in self.inseparable],
             "effective": self.effective,
             "length_errors": [e._asdict() for e in self.length_errors],
             "hysteresis": None if self.hysteresis is None else self.hysteresis.to_dict(),
@@ -501,6 +541,7 @@ def fit(
         length_error=problem.length_error,
         length_reach=(0.0, 0.0) if posterior is None or posterior.lengths is None else posterior.lengths.reach(),
         between=_between(between, problem),
+        inseparable=spread.inseparable,
     )
 
 
@@ -564,16 +605,20 @@ def fit_all(
 
 
 def rank(fits: Iterable[Fit]) -> list[Fit]:
-    """Sort fits, best first: by AICc without degenerate parameters; a fit that did not converge comes last.
+    """Sort fits, best first: by the error of points that were left out, among the laws that were checked and are determined.
 
-    A fit with degenerate parameters comes behind any other whose AICc is larger by `INDIFFERENT` or less, and of two that
-    are equal the one with fewer parameters comes first. Where points are too few for the criterion, the error of points
-    predicted with their pressure left out decides.
+    Behind them stand laws of which the data leave a parameter undetermined, then those that could not be checked because a
+    fit with points left out failed, then those that did not converge. Where nothing was left out, AICc decides. A fit with
+    degenerate parameters comes behind any other that predicts no worse than it by more than `ALIKE`, or whose AICc is larger
+    by `INDIFFERENT` or less; of two that are equal the one with fewer parameters comes first.
     """
 
-    def key(f: Fit) -> tuple[bool, float, int, float]:
-        score = f.aicc + (INDIFFERENT if f.degenerate else 0.0)
-        return not f.converged, score, len(f.parameters), f.cv_rmse if f.cv_rmse is not None else f.rmse
+    def key(f: Fit) -> tuple[bool, bool, bool, float, int, float]:
+        error, empty = f.left_out_rmse, bool(f.degenerate)
+        criterion = f.aicc + INDIFFERENT * empty
+        # what an exact fit leaves is rounding, whose size says nothing
+        score = criterion if error is None else max(error, RESOLUTION * f.points.largest) * (1.0 + ALIKE * empty)
+        return not f.converged, bool(f.unchecked), not f.determined, score, len(f.parameters), criterion
 
     return sorted(fits, key=key)
 
@@ -739,6 +784,7 @@ def _errors(f: Fit) -> dict[str, SpecimenNumber]:
     left_out = held is not None and not held.failed
     worst = held if held is not None and left_out else f
     said = "predicted with their pressure left out" if left_out else "to which it was fitted"
+    said += f"; not checked: {f.unchecked}" if f.unchecked else ""
     numbers = {"rms": (worst.rmse, f"of the points, {said}"), "largest": (worst.max_error, f"of the points, {said}")}
     if "rest_length" in f.cross and not f.cross["rest_length"].failed:
         numbers["other_length"] = (f.cross["rest_length"].max_error, "each rest length left out in turn")

@@ -10,7 +10,8 @@ import numpy as np
 
 from .._jax import Scalar
 from ..errors import InputError, choice
-from ..formats.columns import column_numbers, parse_header, quantity_of, table_labels
+from ..formats.columns import column_numbers, table_labels
+from ..formats.labels import parse_header, quantity_of
 from ..quantities import to_si
 from ..recordings.force_map import table_of
 

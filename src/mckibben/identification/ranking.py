@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, overload
 import numpy as np
 
 from ..accessors import Accessor, implementation
-from ..answers import Answer, Caution, Column, Table, estimates
+from ..answers import Answer, Caution, Column, Table, collect, estimates, warn
 from ..citations import reference
 from ..documents import JsonValue
 from ..errors import InputError
@@ -43,6 +43,7 @@ MeasuredTable = ForceMap | str | os.PathLike[str]
 # Open-access tables that ship with the package, by the key of their paper.
 ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
 SCHEMES = {"pressure": "pressure", "length": "length", "block": "block", "rest_length": "muscle"}
+TRUST = "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
 ERRS = 0.2  # of the largest tension: a prediction that errs by more does not extrapolate
 
 
@@ -62,6 +63,8 @@ COLUMNS = {
     for one in (
         Column("law"), Column("title", "law"), Column("place", "", right=True), Column("free", right=True),
         _error("rmse", "rmse"), _error("max_error", "largest"), _share("share", "largest"),
+        _error("left_out_rmse", "left out, rms"), _share("left_out_share", "left out"),
+        _share("score", "left out, rms"),
         *(_error(f"{key}_rmse", f"{word} out, rms") for key, word in SCHEMES.items()),
         *(_share(f"{key}_share", f"{word} out") for key, word in SCHEMES.items()),
         _error("above_rmse", "above, rms"), _share("above_share", "above"),
@@ -69,8 +72,9 @@ COLUMNS = {
         Column("distance", "\u0394AICc", "1", places=".1f", missing="-", failed="-"), Column("verdict", ""),
     )
 }  # fmt: skip
-SHOWN = ("law", "free", "rmse", "share", *(f"{key}_share" for key in SCHEMES), "above_share", "aicc", "verdict")
-FIRST = SHOWN[:5]  # columns that a table has whatever was asked for
+FIRST = ("law", "free", "rmse", "share")  # columns that a table has whatever was asked for
+LEFT_OUT = ("score", *(f"{key}_share" for key in SCHEMES), "above_share")
+SHOWN = (*FIRST, *LEFT_OUT, "aicc", "verdict")
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +85,7 @@ class Ranking(Answer):
         title: of the muscle, or of the table.
         specimen: whose known dimensions were used, if any.
         points: the table.
-        fits: one per law, ranked by Akaike's criterion.
+        fits: one per law, ranked by how well they predict points that were left out, see `rank`.
         published: laws with printed coefficients: title, and error at the taut points [N].
         skipped: why a law could not be fitted, by its name.
         cautions: about the table: unusual pressures, and rows that were left out.
@@ -108,7 +112,7 @@ class Ranking(Answer):
 
     @property
     def best(self) -> Fit:
-        """The fit that describes the table best for its number of parameters."""
+        """The fit that predicts points that were left out best; where none were, that with the least AICc."""
         return self.fits[0]
 
     def __len__(self) -> int:
@@ -164,10 +168,15 @@ class Ranking(Answer):
             row: dict[str, Any] = {"law": f.law, "title": law_title(f), "place": place if f.converged else "-"}
             row |= {"free": len(f.parameters), "aicc": f.aicc, "verdict": "; ".join(verdict(f, largest)), "fit": f}
             row |= {"distance": f.aicc - min(fitted, default=math.nan)}
-            predicted = {**f.cross} | ({} if f.holdout is None else {"above": f.holdout})
-            for key, of in predicted.items():
-                errors = (of.rmse, of.max_error / largest)
+            predicted = {key: (of.rmse, of.max_error) for key, of in f.cross.items()}
+            if f.left_out_rmse is not None and f.left_out_max_error is not None:
+                predicted["left_out"] = f.left_out_rmse, f.left_out_max_error
+            if f.holdout is not None:
+                predicted["above"] = f.holdout.rmse, f.holdout.max_error
+            for key, (rms, most) in predicted.items():
+                errors = (rms, most / largest)
                 row |= zip((f"{key}_rmse", f"{key}_share"), (e if e == e else math.inf for e in errors), strict=True)
+            row["score"] = None if f.left_out_rmse is None else f.left_out_rmse / largest
             rows.append(row | {"rmse": f.rmse, "max_error": f.max_error, "share": f.max_error / largest})
         for title, error in self.published:
             rms, most = float((error**2).mean() ** 0.5), float(abs(error).max())
@@ -184,13 +193,21 @@ class Ranking(Answer):
             for key in SHOWN
             if key in FIRST or any(row.get(key) not in (None, "", "not fitted here") for row in ranked)
         ]
-        counted = "ranked by AICc; a parameter at its bound, or not in the data, is not counted"
+        by = "AICc, as nothing was left out" if all(f.left_out_rmse is None for f in self.fits) else "left out, rms"
+        counted = f"ranked by {by}; a parameter at its bound, or not in the data, is not counted"
         at_bound = {n: best.parameters[n]._replace(value=bound_of(best, n)) for n in best.at_bound}
         bounds = dict.fromkeys(at_bound, "at its bound")
         # what was assumed stands in the remarks, for all laws, with how to state it
-        said = [one for one in cautions_of(best, self.points.largest) if not one.startswith("Assumed")]
+        # nor what the table of inseparable parameters says
+        said_below = {_sentence(str(group)) for group in best.inseparable} | {TRUST}
+        said = [
+            one
+            for one in cautions_of(best, self.points.largest)
+            if one not in said_below and not one.startswith("Assumed")
+        ]
         notes = [f"note: {best.law}: {one}" for one in said]
-        notes += [f"note: {f.law}: {one}" for f in self.fits[1:] for one in f.warnings]
+        # what the verdicts of others say is not said once more
+        notes += [f"note: {f.law}: did not converge: {f.message}" for f in self.fits[1:] if not f.converged]
         if best.effective is not None:
             notes.insert(0, f"{best.effective:.1f} of these are determined by the data rather than their priors")
         found = [
@@ -211,7 +228,20 @@ class Ranking(Answer):
             )
             rows = [error._asdict() for error in best.length_errors]
             found.append(Table("Errors of the set lengths", (*lengths, *ends), rows, tuple(notes)))
-        return found + ([] if best.hysteresis is None else best.hysteresis.tables())
+        found += [] if best.hysteresis is None else best.hysteresis.tables()
+        return found + self._inseparable()
+
+    def _inseparable(self) -> list[Table]:
+        """Parameters that the data do not tell apart, of all laws; no table where they tell all."""
+        rows: list[dict[str, Any]] = [
+            {"law": f.law, "parameters": ", ".join(names), "correlation": correlation}
+            for f in self.fits
+            for names, correlation in f.inseparable
+        ]
+        undetermined = Column("correlation", "largest correlation", "1", places="+.4f", missing="not determined")
+        said = "trust what such a law predicts near the data, not these values"
+        title = "Parameters that the data do not tell apart"
+        return [Table(title, (Column("law"), Column("parameters"), undetermined), rows, (said,))] if rows else []
 
     def remarks(self) -> list[str]:
         """Sizes that laws took from their defaults, laws that were left out, and where the data are from."""
@@ -252,6 +282,9 @@ class Ranking(Answer):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fitted laws as a specimen, a ``.toml`` file that every command takes; returns its path.
 
+        The first law is the one that is used where none is named. The file says of each law that was not checked that it
+        was not, and a `PlausibilityWarning` says so of the first where a check was asked for and failed.
+
         Raises:
             ConvergenceError: no fit converged.
         """
@@ -265,7 +298,23 @@ class Ranking(Answer):
         )
         made = replace(made, law=_law_key_beside(path, made.law), laws=laws, errors=errors)
         save_specimen(made, path, heading=heading)
+        warn(collect(self.unchecked_caution()))
         return path
+
+    def unchecked_caution(self) -> Caution | None:
+        """Caution where even the law that a file takes could not be checked; None where it was, or nobody asked."""
+        first = next((f for f in self.fits if f.converged), None)
+        if first is None or not first.cross or not first.unchecked:
+            return None
+        said = f"{self.points.name}: {first.law} could not be checked: {first.unchecked}"
+        return Caution(f"{said}, so that nothing says how far it is off where it was not fitted", "law")
+
+    def saved_laws(self) -> str:
+        """Which laws a saved file holds, and which of them it takes; empty where there is one."""
+        first, *others = [f.law for f in self.fits if f.converged] or [""]
+        if not others:
+            return ""
+        return f"its law is {first}, the first of the ranking; {{law}} takes another: {', '.join(others)}"
 
     def to_specimen(self, name: str = "fitted") -> Specimen:
         """The fitted laws as a specimen; raises `ConvergenceError` if no fit converged."""
@@ -437,7 +486,7 @@ def verdict(f: Fit, largest: float) -> list[str]:
     """
     if not f.converged:
         return ["did not converge"]
-    words = ["parameters hard to tell apart"] if any("apart" in warning for warning in f.warnings) else []
+    words = ["parameters hard to tell apart"] if f.inseparable else []
     words += degenerate_words(f)
     if f.holdout is not None and not f.holdout.max_error < ERRS * largest:
         words.append("does not extrapolate in pressure")
@@ -463,10 +512,8 @@ def cautions_of(f: Fit, largest: float) -> list[str]:
             f"{_listed(f.degenerate)} {verb} nothing here, so the criterion counts {rest} of {len(f.parameters)} "
             "parameters. A simpler law may say the same."
         )
-    if any("apart" in warning for warning in warnings):
-        said.append(
-            "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
-        )
+    if f.inseparable:
+        said.append(TRUST)
     for scheme, cross in f.cross.items():
         if cross.failed:
             said.append(

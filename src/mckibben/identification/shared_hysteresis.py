@@ -37,7 +37,7 @@ from ..answers import Column, Table, brief, estimates
 from ..documents import JsonValue
 from ..errors import InputError
 from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
-from ..formats.columns import quantity_of
+from ..formats.labels import quantity_of
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, FrictionLimit
 from ..muscles.law import TensionLaw

@@ -110,16 +110,20 @@ def make_spread(spec: Specimen | None) -> MakeSpread | None:
     return MakeSpread(**shares) if shares["elsewhere"] or shares["calibrated"] else None
 
 
-def make_band(spec: Specimen, law: TensionLaw, length: np.ndarray, pressure: np.ndarray) -> np.ndarray | None:
+def make_band(
+    spec: Specimen, law: TensionLaw, length: np.ndarray, pressure: np.ndarray, *, same_rig: bool = False
+) -> np.ndarray | None:
     """Lowest and highest tension (2, n) [N] of another muscle of the make, by the share that its specimen states.
 
-    None where it states none, or no rest length and highest pressure, at which the largest tension is.
+    None where it states none, or no rest length and highest pressure, at which the largest tension is. With `same_rig` it is
+    the share of a muscle on the rig on which the law was measured.
     """
     spread, needed = make_spread(spec), ("rest_length", "highest_measured_pressure")
-    if spread is None or spread.elsewhere is None or not all(name in spec.properties for name in needed):
+    share = None if spread is None else spread.same_rig if same_rig else spread.elsewhere
+    if share is None or not all(name in spec.properties for name in needed):
         return None
     at = spec.property_si("rest_length", "m"), spec.property_si("highest_measured_pressure", "Pa")
-    half = spread.elsewhere * float(law.tension(*at))
+    half = share * float(law.tension(*at))
     own = np.asarray(law.tension(length, pressure))
     return np.stack([np.maximum(own - half, 0.0), own + half])
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
-    from ..formats.columns import COLUMNS as COLUMNS
-    from ..formats.columns import TIMES as TIMES
+    from ..formats.labels import COLUMNS as COLUMNS
+    from ..formats.labels import TIMES as TIMES
     from ..formats.live_log import LiveLog as LiveLog
     from ..formats.table import Channel as Channel
     from ..formats.table import FileFormat as FileFormat
@@ -30,7 +30,7 @@ lazy_submodules(__name__)
 lazy_names(
     __name__,
     {
-        ".formats.columns": ["COLUMNS", "TIMES"],
+        ".formats.labels": ["COLUMNS", "TIMES"],
         "files": [
             "FileReading",
             "convert",

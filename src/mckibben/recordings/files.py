@@ -4,7 +4,8 @@
 |---|---|---|---|
 | ``.nc`` | of mckibben and of other programs | all that a recording holds | |
 | ``.csv`` | of mckibben and of other programs, text of any dialect | all | |
-| ``.txt``, ``.tsv``, ``.dat``, ``.csv.gz``, ``.txt.gz`` | text of any dialect | | |
+| ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.csv.gz``, ``.txt.gz`` | text of any dialect | | |
+| ``.lvm``, ``.tra``, ``.sto``, ``.mot`` | text of LabVIEW, testXpert and OpenSim | | |
 | ``.xlsx``, ``.xls``, ``.ods`` | a sheet of a spreadsheet | | python-calamine |
 | ``.mcap`` | logs of mckibben, closed or not; messages of JSON, protobuf and ROS 2 | all | rosbags, mcap-protobuf-support |
 | ``.db3``, ``.bag`` | bags of ROS 2 and ROS 1 | | rosbags |
@@ -31,16 +32,9 @@ import numpy as np
 from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..formats import mcap
-from ..formats.columns import (
-    AMBIENT,
-    assemble,
-    channel_columns,
-    is_date,
-    likely_columns,
-    parse_header,
-    quantity_of,
-    table_labels,
-)
+from ..formats.clock import is_date
+from ..formats.columns import AMBIENT, assemble, channel_columns, table_labels
+from ..formats.labels import likely_columns, parse_header, quantity_of, time_column
 from ..formats.registry import format_of, load, writer_of
 from ..formats.table import ForeignTable, StoredRecording
 from ..quantities import in_si, named_values, with_unit
@@ -52,6 +46,7 @@ from .force_map import (
     map_of_table,
     read_force_map,
     unit_of,
+    unpivoted,
 )
 from .recording import Recording
 
@@ -114,6 +109,7 @@ def read(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
+    scales: Mapping[str, str] | None = None,
     rest_length: float | str | None = None,
     period: float | str | None = None,
     branch: str | None = None,
@@ -135,15 +131,17 @@ def read(
         path: the file.
         columns: ``length``, ``contraction``, ``pressure``, ``force``, ``time``, or a channel name -> label of its column, or
             its number from 1, where the file uses other names.
-        units: the same -> unit in words, where the file states none or a wrong one.
+        units: the same -> unit in words, where the file states none or a wrong one of the same kind.
+        scales: channel name -> what a raw signal stands for, such as ``"2 bar/V - 1 bar"`` or ``"4.9 mbar/count"``.
         rest_length: rest length of the muscle [m], or text such as ``"300 mm"``.
         period: interval of the samples [s] of a file without a time, or text such as ``"2 ms"``.
         branch: of a force map, keep only the rows whose branch column has this value.
         pressure_zero: reading of the gauge pressures at zero [Pa], or text; it is subtracted.
         ambient: environment pressure [Pa], or text.
         kind: ``"map"`` or ``"recording"``, where the file could be both.
-        options: options of the format: ``sheet`` of a spreadsheet (name or number from 1), ``gear_ratio`` of a ``.ddf``
-            file, ``topic`` of a bag or an MCAP file.
+        options: options of the format: ``decimal`` of a text, its decimal mark; ``header`` of a text or a sheet, the names
+            of its columns with their units, such as ``"time [ms], pressure [bar]"``; ``sheet`` of a spreadsheet (name or
+            number from 1), ``gear_ratio`` of a ``.ddf`` file, ``topic`` of a bag or an MCAP file.
 
     Returns:
         A `ForceMap` where the columns are those of a map, a `Recording` where there is a time.
@@ -159,7 +157,7 @@ def read(
         ForceMap('map.csv': 2 points, 2 with tension, largest 35.1 N)
     """
     return understand(
-        path, columns=columns, units=units, rest_length=rest_length, period=period, branch=branch,
+        path, columns=columns, units=units, scales=scales, rest_length=rest_length, period=period, branch=branch,
         pressure_zero=pressure_zero, ambient=ambient, kind=kind, **options,
     ).data  # fmt: skip
 
@@ -169,6 +167,7 @@ def understand(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
+    scales: Mapping[str, str] | None = None,
     rest_length: float | str | None = None,
     period: float | str | None = None,
     branch: str | None = None,
@@ -183,7 +182,7 @@ def understand(
     path = Path(path)
     if kind not in (None, "map", "recording"):
         raise InputError("kind", kind, known=("map", "recording"))
-    for name, mapping in (("columns", columns), ("units", units)):
+    for name, mapping in (("columns", columns), ("units", units), ("scales", scales)):
         if mapping is not None:
             named_values(mapping, name)
     step = None if period is None else float(in_si(period, "s", field="period"))
@@ -202,16 +201,24 @@ def understand(
         if kind == "map":
             points = read_force_map(path, **of_map)
             return FileReading(points, title, _channel_uses(content), (*content.remarks, *points.remarks), {})
-        for option, value in {"column": columns, "unit": units, "period": step}.items():
+        for option, value in {"column": columns, "unit": units, "scale": scales, "period": step}.items():
             if value:
                 problem = "a recording of mckibben says these itself; they are for files of others"
                 shown = ", ".join(value) if isinstance(value, Mapping) else with_unit(value, "s")
                 raise InputError(option, shown, problem, where=str(path))
         return FileReading(_recording(content), title, _channel_uses(content), tuple(content.remarks), {})
+    if kind != "recording" and content.rows is not None:
+        content = unpivoted(content)
     if (kind or _kind_of(content, columns or {}, step, str(path))) == "recording":
-        stored = assemble(path, content, columns=columns, units=units, period=step, pressure_zero=zero, ambient=air)
+        stored = assemble(
+            path, content, columns=columns, units=units, scales=scales, period=step, pressure_zero=zero, ambient=air
+        )
         uses = _recording_uses(content, stored, units or {})
         return FileReading(_recording(stored), title, uses, (*content.remarks, *stored.remarks), content.notes)
+    if scales:
+        raise InputError(
+            "scale", ", ".join(scales), "is for the channels of a recording, and this is a map", where=str(path)
+        )
     table = content if content.rows is not None else even_table(content, str(path))
     points = map_of_table(path, table, **of_map)
     return FileReading(points, title, _map_uses(table, columns or {}, units or {}), points.remarks, content.notes)
@@ -225,14 +232,15 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
     """
     labels = table_labels(table)
     timed = any(quantity_of(parse_header(0, label.rpartition(".")[2])[0]) == "time" for label in labels)
+    timed = timed or time_column([label.rpartition(".")[2] for label in labels]) is not None
     if period is not None or "time" in columns or timed or any(c.time is not None for c in table.columns):
         return "recording"
     if not table.columns or not len(table.columns[0].values):
         problem = "no row of numbers was found; the file must have a header and rows of numbers"
         raise InputError("file", "empty", problem, sentence=problem, where=where)
     if not table.named:
-        problem = "the file has no header; name its columns by number, such as time 1 and pressure 2"
-        raise InputError("columns", "not given", problem, sentence=problem, where=where, remedy="column time")
+        problem = "the file has no header; name its columns and their units, such as 'time [ms], pressure [bar]'"
+        raise InputError("header", None, problem, sentence=problem, where=where, remedy="header")
     usable = table if table.rows is not None else even_table(table, where)
     try:
         choose_map_columns(table_labels(usable), columns, where)
@@ -358,13 +366,14 @@ def read_any(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
+    scales: Mapping[str, str] | None = None,
     period: float | str | None = None,
     **options: JsonValue,
 ) -> ImportResult:
     """Read a recording of mckibben, or a file of another program as a recording, with a line for each thing left out."""
     if isinstance(path, Recording):
         return ImportResult(path, [])
-    reading = understand(path, columns=columns, units=units, period=period, kind="recording", **options)
+    reading = understand(path, columns=columns, units=units, scales=scales, period=period, kind="recording", **options)
     assert isinstance(reading.data, Recording)
     return ImportResult(reading.data, list(reading.remarks))
 
@@ -463,6 +472,7 @@ def convert(
     *,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
+    scales: Mapping[str, str] | None = None,
     period: float | str | None = None,
     **options: JsonValue,
 ) -> ImportResult:
@@ -473,6 +483,7 @@ def convert(
         target: ends in the suffix of a format that is written.
         columns: of another program's file, channel name -> label or number of the column from 1; then only these are read.
         units: units of another program's file, channel name -> unit as text, where the file states none or a wrong one.
+        scales: channel name -> what a raw signal of another program's file stands for, as `read` takes it.
         period: period of another program's file without a time, the interval of the samples [s].
         options: options of the source's format, as `read` takes them.
 
@@ -489,5 +500,5 @@ def convert(
     if target.exists() and Path(source).exists() and target.samefile(source):
         raise InputError("file", str(target), "this is the file being read; choose another name")
     target_format.check_libraries(str(target))
-    result = read_any(source, columns=columns, units=units, period=period, **options)
+    result = read_any(source, columns=columns, units=units, scales=scales, period=period, **options)
     return ImportResult(result.recording, [*result.remarks, *write(result.recording, target)])

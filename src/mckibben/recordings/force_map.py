@@ -19,19 +19,8 @@ import numpy as np
 from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..extras import library
-from ..formats.columns import (
-    ABSOLUTE,
-    AMBIENT,
-    COLUMNS,
-    GAUGE,
-    column_numbers,
-    converts,
-    parse_header,
-    recognise_columns,
-    table_labels,
-    without_blank_rows,
-    without_common_prefix,
-)
+from ..formats.columns import AMBIENT, column_numbers, table_labels, without_blank_rows, without_common_prefix
+from ..formats.labels import COLUMNS, converts, parse_header, quantity_of, recognise_columns, split_reference
 from ..formats.registry import load
 from ..formats.table import ForeignColumn, ForeignTable
 from ..formats.text import plain_text
@@ -289,7 +278,16 @@ def map_of_table(
         if quantity not in TEXT_QUANTITIES:
             unit, absolute = _unit(label, units_by_name.get(quantity), quantity, where)
             shortens = quantity == "contraction" and converts(unit, "m")  # such as the travel of a testing machine
-            scale = to_si(1.0, unit, "m" if shortens else UNITS[quantity], field=label, where=where)
+            hangs = quantity == "tension" and converts(unit, "kg")
+            scale = to_si(1.0, unit, "m" if shortens else "kg" if hangs else UNITS[quantity], field=label, where=where)
+            if absolute:
+                remarks = [
+                    *remarks,
+                    f"{label} is absolute; the map has gauge pressures, less {with_unit(ambient, 'Pa')}",
+                ]
+            if hangs:
+                scale *= GRAVITY
+                remarks = [*remarks, f"{label} is taken as what hangs on the muscle, {GRAVITY} N for each kg"]
             data["shortening" if shortens else quantity] = data[quantity] * scale - (ambient if absolute else 0.0)
     if "pressure" in data:
         data["pressure"] = data["pressure"] - pressure_zero
@@ -331,7 +329,44 @@ def table_of(path: Path, **options: object) -> ForeignTable:
         every = -(-len(content.time) // MOST_ROWS)
         channels = content.channels.items()
         return ForeignTable([ForeignColumn(f"{name} [{c.unit}]", c.values[::every]) for name, c in channels])
-    return content if content.rows is not None else even_table(content, str(path))
+    return unpivoted(content) if content.rows is not None else even_table(content, str(path))
+
+
+GRAVITY = 9.80665  # standard acceleration of free fall [m/s^2]
+_PRESSURE_IN_LABEL = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s*([a-zA-Z][a-zA-Z/^0-9]*(?:\s?\(?(?:abs|gauge|rel|g)\)?)?)")
+
+
+def unpivoted(table: ForeignTable) -> ForeignTable:
+    """A table with a column of forces per pressure, "1 bar", "2 bar", .., as one row per point; others as they are."""
+    stated: dict[int, tuple[str, str]] = {}
+    for at, column in enumerate(table.columns):
+        match = _PRESSURE_IN_LABEL.search(column.label)
+        if match and converts(split_reference(match[2])[0], "Pa"):
+            stated[at] = (match[1].replace(",", "."), match[2])
+    others = [at for at in range(len(table.columns)) if at not in stated]
+    if len(stated) < 2 or len({unit for _, unit in stated.values()}) > 1 or not others or not table.named:
+        return table
+    if quantity_of(parse_header(0, table_labels(table)[others[0]])[0]) not in ("length", "contraction"):
+        return table
+    rows = range(len(table.columns[others[0]].values))
+    unit = next(iter(stated.values()))[1]
+    tails = {parse_header(0, table.columns[at].label)[1].unit for at in stated}
+    tail = next(iter(tails)) if len(tails) == 1 else None
+    force = f"force [{tail}]" if tail is not None and converts(tail, "N") else "force"
+    columns = [
+        ForeignColumn(
+            table.columns[at].label, np.array([table.columns[at].values[i] for _ in stated for i in rows], object)
+        )
+        for at in others
+    ]
+    columns += [
+        ForeignColumn(f"pressure [{unit}]", np.array([value for value, _ in stated.values() for _ in rows], object)),
+        ForeignColumn(force, np.array([table.columns[at].values[i] for at in stated for i in rows], object)),
+    ]
+    first, last = table.columns[min(stated)].label, table.columns[max(stated)].label
+    remark = f"the columns {first} to {last} are forces at these pressures"
+    numbers = None if table.rows is None else [table.rows[i] for _ in stated for i in rows]
+    return table._replace(columns=columns, rows=numbers, remarks=[*table.remarks, remark])
 
 
 def even_table(table: ForeignTable, where: str) -> ForeignTable:
@@ -429,11 +464,9 @@ def unit_of(column: str, quantity: str) -> tuple[str | None, bool]:
 def _unit(column: str, stated: str | None, quantity: str, where: str) -> tuple[str, bool]:
     unit, absolute = unit_of(column, quantity)
     if stated is not None:
-        unit, _, reference = stated.partition(" ")
-        if quantity != "pressure" or reference.lower() not in (*ABSOLUTE, *GAUGE, ""):
-            unit = stated
-        elif reference:
-            absolute = reference.lower() in ABSOLUTE
+        unit, reference = split_reference(stated) if quantity == "pressure" else (stated, None)
+        if reference is not None:
+            absolute = reference == "absolute"
     if unit is None:
         example = f"{quantity}_{'bar' if quantity == 'pressure' else UNITS[quantity]}"
         problem = f"has no unit: write it into the header, such as {example}, or say it"

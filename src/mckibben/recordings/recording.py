@@ -176,6 +176,27 @@ class Recording:
         some = {name: channel.with_values(channel.values[keep]) for name, channel in self.channels.items()}
         return Recording(self.time[keep], some, self.meta)
 
+    @property
+    def runs(self) -> tuple[Recording, ...]:
+        r"""The runs that a file of another program holds one after another, each on its own clock; else this one alone.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> from pathlib import Path
+            >>> _ = Path("runs.csv").write_text("time [s],pressure [bar]\n0,1\n1,2\n2,3\n0,1\n1,2.1\n2,3.1\n")
+            >>> [float(run["pressure"][-1]) for run in mk.read("runs.csv").runs]
+            [300000.0, 310000.0]
+        """
+        stated = self.meta.get("runs")
+        if not isinstance(stated, list) or len(stated) < 2:
+            return (self,)
+        meta = {name: value for name, value in self.meta.items() if name != "runs"}
+        runs = []
+        for one in stated:
+            part = self.select(one["start"], one["end"])
+            runs.append(Recording(part.time - one["start"] + one["began"], part.channels, meta))
+        return tuple(runs)
+
     def pick(self, names: Iterable[str]) -> Recording:
         """Some channels, in the order given."""
         if isinstance(names, str):

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..estimation import INDIFFERENT
 from ..identification import Fit
+from ..identification.fit import ALIKE
 from ..identification.ranking import COLUMNS, SCHEMES, Ranking, cautions_of
 from ..muscles.laws import law_type
 from ..quantities import declared, from_si, shown_unit, with_unit
@@ -63,8 +64,8 @@ READING = (
     (
         "Left out",
         "Every pressure, length or block of neighbouring points is left out once and predicted by a fit to the "
-        "rest. The order of the laws follows the pressures. Leaving out the shortest or the longest length asks "
-        "for extrapolation, which is why that column is the worst.",
+        "rest. The order of the laws follows the root mean square error of all these predictions. Leaving out the "
+        "shortest or the longest length asks for extrapolation, which is why that column is the worst.",
     ),
     (
         "Trained up to",
@@ -75,7 +76,7 @@ READING = (
         "ΔAICc",
         "Akaike's criterion, corrected for small samples, above its lowest value: misfit with a charge for each "
         "parameter; 0 is the best, 10 is a clear difference. It takes errors as independent, which systematic "
-        "misfit is not.",
+        "misfit is not, so that it does not decide the order.",
     ),
     (
         "Intervals",
@@ -139,8 +140,7 @@ def _study(study: Ranking, mark: str) -> list[Block]:
         Heading("Ranking"),
         Figure(
             fit_figures.ranking(study),
-            "Filled triangle: root mean square error of points whose pressure the fit was not shown; "
-            "the bar ends at the largest. "
+            "Filled triangle: root mean square error of points that the fit was not shown; the bar ends at the largest. "
             + (f"Open triangle, dashed: points above, {held_out}. " if held_out else "")
             + "A black mark on the frame: outside of it.",
             f"Ranking of the laws for {study.title}; the table below has its numbers.",
@@ -163,11 +163,10 @@ def _summary(study: Ranking) -> str:
     if not best.converged:
         return "No law converged on this table; the numbers below are not to be used."
     words = f"{law_title(best)} fits with {_newton(best.rmse)} root mean square"
-    cross = best.cross.get("pressure")
-    if cross and not cross.failed:
-        words += f" and predicts pressures that it was not shown to {_newton(cross.rmse)}"
-        words += f", at worst {_newton(cross.max_error)}"
-        words += f" or {_percent(cross.max_error, size)} of the largest tension"
+    rms, most = best.left_out_rmse, best.left_out_max_error
+    if rms is not None and most is not None and math.isfinite(rms):
+        words += f" and predicts points that it was not shown to {_newton(rms)}, at worst {_newton(most)}"
+        words += f" or {_percent(most, size)} of the largest tension"
     if best.holdout and best.holdout.max_error < DIVERGES * size:
         words += f"; {best.holdout.what} it errs by at most {_percent(best.holdout.max_error, size)} above"
     words += "."
@@ -209,7 +208,8 @@ def _range(values: np.ndarray, unit: str) -> str:
 
 def _table(study: Ranking, mark: str) -> list[Block]:
     ranked = study.ranked()
-    groups = {key: f"each {SCHEMES[key]} left out" for key in SCHEMES if any(f"{key}_rmse" in row for row in ranked)}
+    words = {"left_out": "all left out"} | {key: f"each {SCHEMES[key]} left out" for key in SCHEMES}
+    groups = {key: said for key, said in words.items() if any(f"{key}_rmse" in row for row in ranked)}
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     groups |= {"above": held_out} if held_out else {}
     # place and law, then what of the answer stands in which group
@@ -221,11 +221,18 @@ def _table(study: Ranking, mark: str) -> list[Block]:
         columns.append(TableColumn("rms" if key.endswith("rmse") else "largest", unit, True, group=words))
     columns += [TableColumn("\u0394AICc", number=True), TableColumn("Verdict", wide=True)]
     largest = number(study.points.largest, 1)
+    predicted = any(f.left_out_rmse is not None for f in study.fits)
+    score = (
+        "the root mean square error of all points that were left out" if predicted else "AICc, as nothing was left out"
+    )
+    unless = (
+        f"it predicts better by more than {100.0 * ALIKE:g} %" if predicted else f"its AICc is lower by {INDIFFERENT:g}"
+    )
     note = (
-        "Ranked by AICc, Akaike's criterion for small samples. A parameter that ended at a bound, or that the data do not "
-        "contain, is not counted there, and a law with one comes behind any other unless its AICc is lower by more than "
-        f"{INDIFFERENT:g}. Errors in N, the largest also in % of the largest tension, {largest} N; the best of each column "
-        "is bold."
+        f"Ranked by {score}. A parameter that ended at a bound, or that the data do not contain, counts for nothing, and a "
+        f"law with one comes behind any other unless {unless}. A law of which the data leave a parameter undetermined, or "
+        "that could not be checked, comes behind all that were. Errors in N, the largest also in % of the largest "
+        f"tension, {largest} N; the best of each column is bold."
     )
     usable = [row for row in ranked if "fit" in row and row["fit"].converged]
     best = {key: min((row.get(key, math.inf) for row in usable), default=math.nan) for key in (*keys, "distance")}

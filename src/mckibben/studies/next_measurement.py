@@ -1,11 +1,16 @@
-"""Which points of length and pressure to measure next, within the machine time and the limits of a rig."""
+"""Which points of length and pressure to measure next, within the machine time and the limits of a rig.
+
+Of one more muscle of a known make these are one or two readings: at rest, and shortened.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 from .. import identification
 from ..answers import Answer, Caution, Column, Table, collect
@@ -13,10 +18,17 @@ from ..bench import rig_file
 from ..bench.rig import Rig
 from ..documents import JsonValue
 from ..errors import InputError
+from ..identification.between import READ_PRESSURES, READ_SHORTENED, TensionReading
+from ..identification.calibration import new_muscle
 from ..identification.next_points import LawTest, NextExperiment
-from ..verbs import Duration, LawName, LawPair, Length, PosteriorFile, Pressure, RigName, verb
+from ..muscles.build import built_muscle, changed_parameters
+from ..muscles.muscle import Muscle
+from ..quantities import with_unit
+from ..specimens import Specimen, muscle_specimen
+from ..verbs import Changes, Duration, LawName, LawPair, Length, MuscleName, PosteriorFile, Pressure, RigName, verb
 
 MARGIN = 0.95  # of what a rig bears
+READ_AT = 5.5e5  # gauge pressure at which a muscle is read [Pa]; less where its make was not measured so far
 APART = 3.3  # standard deviations between two laws of which readings find the right one with 95 %
 PLACE = (
     Column("number", "", right=True),
@@ -113,10 +125,101 @@ class NextMeasurement(Answer):
         )
 
 
+@dataclass(frozen=True)
+class NextReadings(Answer):
+    """Readings to take of a muscle of a make: what `readings_to_take` chooses.
+
+    Attributes:
+        muscle: of the make, cut to its length.
+        places: in their order: length [m], gauge pressure [Pa], expected tension with its 95 % interval [N], and the mean
+            half width of the interval after it, as a share of the largest tension.
+        before: that half width without a reading.
+        elsewhere: the muscle is on another rig than those of its make.
+    """
+
+    muscle: Muscle
+    places: tuple[Mapping[str, float], ...]
+    before: float
+    elsewhere: bool
+    cautions: tuple[Caution, ...] = ()
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per reading."""
+        return [dict(place) for place in self.places]
+
+    def column_units(self) -> Mapping[str, str]:
+        """SI units of the columns of `rows`."""
+        return {"length": "m", "pressure": "Pa", "tension": "N", "low": "N", "high": "N", "half_width": "1"}
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """The readings, and the half width without any."""
+        return {"readings": self.rows(), "half_width_now": self.before, "elsewhere": self.elsewhere}
+
+    def tables(self) -> list[Table]:
+        """The readings in their order."""
+        expected = (Column(key, title, "N", beside=True) for key, title in
+                    (("tension", "expected"), ("low", "95 %: from"), ("high", "to")))  # fmt: skip
+        columns = (
+            Column("number", "", right=True),
+            Column("length", unit="m", beside=True),
+            Column("pressure", unit="Pa", beside=True),
+            *expected,
+            Column("half_width", "interval after it, \u00b1", "1", shown="%", places=".1f"),
+        )
+        spec = self.muscle.specimen
+        title = f"Readings of a muscle like {self.muscle.law_name if spec is None else spec.id}, by what they leave"
+        where = "elsewhere" if self.elsewhere else "on the rig of its make"
+        now = f"without a reading \u00b1 {100.0 * self.before:.1f} % of the largest tension, {where} (95 %, mean of the map)"
+        return [Table(title, columns, [place | {"number": i} for i, place in enumerate(self.rows(), 1)], (now,))]
+
+    def remarks(self) -> list[str]:
+        """How the readings are taken and used."""
+        first = self.places[0]
+        example = f"'{with_unit(first['length'], 'm', 4)}, {with_unit(first['pressure'], 'Pa')}, .. N'"
+        return [
+            f"Fill the muscle at the length to {READ_PRESSURES}, wait, and read the force; a second length teaches more "
+            "than more pressures at one.",
+            f"Then give both together: mckibben tension .. --reading {example}; correct no single number by them.",
+        ]
+
+
+def readings_to_take(muscle: Muscle, *, same_rig: bool = False, shortest: float | None = None) -> NextReadings:
+    """Choose the readings of a muscle: at rest, then shortened by 4 %, or as far as it is used if it is from elsewhere.
+
+    Args:
+        muscle: of a specimen that states how far muscles of its make differ, cut to its rest length.
+        same_rig: it is measured on the rig on which those were.
+        shortest: most contracted length that is used [m]; the shortest that was measured, in proportion, where left out.
+
+    Raises:
+        InputError: the specimen states no such differences, or the length is none of such a muscle.
+    """
+    new = new_muscle(muscle, same_rig=same_rig)
+    rest = new.muscle.rest_length
+    if shortest is not None and not 0.5 * rest < shortest < rest:
+        ends = f"{with_unit(0.5 * rest, 'm')} and its rest length, {with_unit(rest, 'm')}"
+        raise InputError("length", with_unit(shortest, "m"), f"must be between {ends}")
+    used = new.muscle.shortest * rest if shortest is None else shortest
+    pressure = min(READ_AT, new.muscle.highest_pressure)
+    before, places = new.share(), []
+    for length in (rest, (1.0 - READ_SHORTENED) * rest if same_rig else used):
+        mean, half = (float(value[0]) for value in new.predict(np.array([length]), np.array([pressure])))
+        if mean <= 0.0:
+            problem = f"must be one at which the muscle pulls at {with_unit(pressure, 'Pa')}"
+            raise InputError("length", with_unit(length, "m"), problem)
+        new = new.conditioned([TensionReading(length, pressure, mean)])
+        ends = {"tension": mean, "low": max(mean - half, 0.0), "high": mean + half}
+        places.append({"length": length, "pressure": pressure, **ends, "half_width": new.share()})
+    return NextReadings(muscle, tuple(places), before, not same_rig)
+
+
 @verb
 def next_measurement(
     *,
-    fit: PosteriorFile,
+    fit: PosteriorFile | None = None,
+    like: MuscleName | None = None,
+    parameters: Changes | None = None,
+    same_rig: bool = False,
     rig: RigName | None = None,
     law: LawName | None = None,
     laws: LawPair | None = None,
@@ -124,22 +227,41 @@ def next_measurement(
     wait: Duration = "3 s",
     length: Length | None = None,
     pressure: Pressure | None = None,
-) -> NextMeasurement:
+) -> NextMeasurement | NextReadings:
     """Choose the points of length and pressure that teach most next, and write them as a protocol.
+
+    Of a muscle that is like those of a specimen, such as festo-10mm, they are the one or two readings that calibrate it.
 
     Args:
         fit: result of `mckibben fit --posterior --out fit.json`.
+        like: specimen of whose make the muscle is, instead of a fit: where to read its force, and what that leaves.
+        parameters: replace a parameter of that specimen, such as rest_length='132 mm'.
+        same_rig: the muscle is on the rig on which its make was measured; else its most contracted length is read, too.
         rig: test machine whose lengths, pressures and tensions are the limits.
         law: law of the fit whose parameters are asked for; the first where left out.
         laws: two laws of the fit to tell apart, such as gas_spring,linear_threshold, instead of the parameters of one.
         budget: machine time of the measurement [s], such as '5 min'.
         wait: hold of each point before its reading [s], for creep, such as '3 s'.
-        length: length at which the tension is asked for [m], such as '12 cm', instead of the parameters.
+        length: length at which the tension is asked for [m], such as '12 cm', instead of the parameters; beside {like}
+            the most contracted one that is used.
         pressure: gauge pressure at which the tension is asked for [Pa], such as '3 bar'.
 
     Raises:
         InputError: the budget is too short, the machine can reach no point, or the file has no samples of a law.
     """
+    if like is not None:
+        for name, value in (("fit", fit), ("rig", rig), ("law", law), ("laws", laws), ("pressure", pressure)):
+            if value is not None:
+                raise InputError(name, None, "is allowed only without {like}")
+        spec = like if isinstance(like, Specimen) else muscle_specimen(like)
+        built = built_muscle(spec, law=spec.law, **cast(Any, changed_parameters(parameters, spec.law, of=spec)))
+        return readings_to_take(built, same_rig=same_rig, shortest=None if length is None else float(length))
+    if fit is None:
+        problem = "is missing: the result of a fit with samples, or {like} the specimen of a muscle's make"
+        raise InputError("fit", None, problem)
+    for name, stated in (("parameters", bool(parameters)), ("same_rig", same_rig)):
+        if stated:
+            raise InputError(name, None, "is allowed only beside {like}")
     if (length is None) != (pressure is None):
         missing = "pressure" if pressure is None else "length"
         raise InputError(missing, None, "is missing: a tension is asked for at a length and a pressure")

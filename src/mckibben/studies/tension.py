@@ -146,6 +146,7 @@ def tension(
     law: LawName | None = None,
     parameters: Changes | None = None,
     reading: TensionReading | Sequence[TensionReading] | None = None,
+    same_rig: bool = False,
     posterior: PosteriorFile | None = None,
 ) -> Tensions:
     """Compute tension, volume and state of a muscle at one length and pressure.
@@ -162,6 +163,7 @@ def tension(
         law: law to use instead of the specimen's default, or my.py:MyLaw.
         parameters: replace a parameter, such as law.turns=3.2 or thread_length='16 cm'.
         reading: calibrate the muscle by one to three readings of it, such as '126.75 mm, 5.5 bar, 140 N'.
+        same_rig: take the muscle to be on the rig on which its make was measured, for a narrower interval.
         posterior: result of `mckibben fit --posterior --out fit.json`, for 95 % bands of the answer.
 
     Raises:
@@ -182,16 +184,21 @@ def tension(
         problem = f"and its drive must be at most {MOST_VALUES:,} points together, got {count}"
         raise InputError("length" if contraction is None else "contraction", None, problem)
     said: tuple[Caution, ...] = ()
+    spread = muscles.evidence.make_spread(built.specimen)
+    if same_rig and (spread is None or spread.same_rig is None or posterior is not None):
+        known = "a muscle whose specimen states how far others on its rig are from it, and which no readings calibrated"
+        problem = "without {posterior}" if posterior is not None else f"for {known}, such as festo-10mm"
+        raise InputError("same_rig", None, f"is allowed only {problem}")
     if reading is not None:
         from ..identification.calibration import calibrate_muscle
 
-        built, new = calibrate_muscle(built, reading)
+        built, new = calibrate_muscle(built, reading, same_rig=same_rig)
         said = new.cautions()
     points = [_point(built.law, at, drive, biological) for at in lengths for drive in drives]
     said += collect(*built.length_cautions(lengths, text=typed(length)))
     said += () if biological else _cautions(built, chosen, drives, pressure)
     said += _add_ranges(points, built, chosen)
-    of_make = _add_spread(points, built) if posterior is None else ""
+    of_make = _add_spread(points, built, same_rig) if posterior is None else ""
     if posterior is not None:
         said += _add_bands(points, posterior, built, chosen, str(muscle))
     band = of_make or ("range" if posterior is None else "95 %")
@@ -323,7 +330,7 @@ def _add_ranges(points: list[dict[str, Any]], muscle: muscles.Muscle, name: str)
     return collect(max(said, key=lambda one: one[0])[1] if said else None, beyond)
 
 
-def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle) -> str:
+def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle, same_rig: bool) -> str:
     """Add to each point the 95 % interval of the tension of one muscle of the make; returns of which, in words."""
     spec = muscle.specimen
     spread = muscles.evidence.make_spread(spec)
@@ -331,7 +338,7 @@ def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle) -> str:
         return ""
     length, pressure = (np.array([p[name] for p in points]) for name in ("length", "pressure"))
     if spread.calibrated is None:
-        band = muscles.evidence.make_band(spec, muscle.law, length, pressure)
+        band = muscles.evidence.make_band(spec, muscle.law, length, pressure, same_rig=same_rig)
     else:
         from ..identification.between import predicted_tension
         from ..identification.calibration import new_muscle
@@ -342,7 +349,9 @@ def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle) -> str:
         return ""
     for point, low, high in zip(points, *band, strict=True):
         point |= {"tension_low": float(low), "tension_high": float(high)}
-    return "95 %, any of the make" if spread.calibrated is None else "95 %, calibrated"
+    if spread.calibrated is not None:
+        return "95 %, calibrated"
+    return "95 %, of the make on its rig" if same_rig else "95 %, any of the make"
 
 
 def _add_bands(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import html
 import importlib
 import logging
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from .. import registry
 from .._version import __version__
 from ..errors import InputError, MckibbenError
 from .bench import measured_data
@@ -40,7 +42,7 @@ from .live import Lines, stop_at_once
 from .reader import return_large_blocks
 from .shelf import LARGEST, check_size, plain_name
 from .transfers import receive_file
-from .widgets import HOME, PAGES, document, piece, written
+from .widgets import HOME, PAGES, Page, document, page_frame, piece, refused, written
 from .workspace import Workspace
 
 REASON = 0.5  # time for which a stop waits for its reason [s]
@@ -87,10 +89,10 @@ def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
 
     building = asyncio.Lock()
 
-    def of(module: str) -> Callable[[Request], Awaitable[Response]]:
+    def of(page: Page) -> Callable[[Request], Awaitable[Response]]:
         async def show(request: Request) -> Response:
             # in a thread, for the first visitor of a page waits seconds for it, and a stop must not
-            build_page = (await asyncio.to_thread(importlib.import_module, f".pages.{module}", __package__)).build
+            build_page = await asyncio.to_thread(_builder, page)
             async with building:  # one page after the other, so that a stop waits for one of many at most
                 await asyncio.sleep(0)
                 opened = documents.open()
@@ -133,11 +135,30 @@ def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
         return Response(data, media_type="application/octet-stream", headers={"content-disposition": disposition})
 
     return [
-        *(Route(page.path, of(page.module)) for page in PAGES[1:]),
+        *(Route(page.path, of(page)) for page in PAGES[1:]),
         WebSocketRoute("/elements/{key}", line),
         Route("/upload/{key}/{number:int}", upload, methods=["POST"]),
         Route("/download/{key}/{file}", download, methods=["GET"]),
     ]
+
+
+def _builder(page: Page) -> Callable[[Workspace, Any], None]:
+    """The function that builds a page: of the module of its name, or of the package that announces it."""
+    try:
+        module = (
+            registry.announced("mckibben.pages", page.module, page.extra, f"The page {page.name} needs")
+            if page.extra
+            else importlib.import_module(f".pages.{page.module}", __package__)
+        )
+    except InputError as error:
+        return functools.partial(_build_refusal, page, f"{error}.")
+    build_page: Callable[[Workspace, Any], None] = module.build
+    return build_page
+
+
+def _build_refusal(page: Page, sentence: str, workspace: Workspace, request: Any) -> None:
+    with page_frame(page.module):
+        refused(sentence)
 
 
 def _static(name: str) -> str:
@@ -151,6 +172,10 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
     from starlette.staticfiles import StaticFiles
     from starlette.websockets import WebSocket
 
+    static = StaticFiles(directory=_static(""))
+    for page in PAGES:  # a package that announces a page has what belongs to it in a folder beside its module
+        folder = registry.announced_folder("mckibben.pages", page.module, page.extra) if page.extra else None
+        static.all_directories += [] if folder is None else [folder / "static"]
     lines = Lines(workspace, {"address": f"{host}:{port}", "version": __version__})
 
     async def live(line: WebSocket) -> None:
@@ -214,7 +239,7 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
         Route("/measured", measured, methods=["GET", "POST"]),
         Route("/files/{name:path}", recording, methods=["GET"]),
         Route("/favicon.ico", favicon),
-        Mount(HOME, StaticFiles(directory=_static(""))),
+        Mount(HOME, static),
     ]
 
 

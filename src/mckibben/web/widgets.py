@@ -20,19 +20,20 @@ TITLE = "McKibben muscle test bench"
 
 
 class Page(NamedTuple):
-    """One of the pages."""
+    """One of the pages; `extra` brings the package that announces it, where that is installed by itself."""
 
     path: str
     name: str
     module: str
     key: str
+    extra: str = ""
 
 
 PAGES = (
     Page("/", "Bench", "bench", "B"), Page("/fit", "Fit", "fit", "F"), Page("/compare", "Compare", "compare", "C"),
     Page("/energy", "Energy", "energy", "E"), Page("/circuit", "Circuit", "circuit", "I"),
     Page("/size", "Size", "size", "S"),
-    Page("/paper", "The paper", "paper", "P"), Page("/recordings", "Recordings", "recordings", "R"),
+    Page("/paper", "The paper", "paper", "P", "papers"), Page("/recordings", "Recordings", "recordings", "R"),
 )  # fmt: skip
 SHEETS = ("tokens.css", "uplot/uPlot.min.css", "lab.css")
 SCRIPTS = ("js/lab.js", "js/charts.js")

@@ -245,6 +245,11 @@ class Graph:
             inner.pinned = outer
 
     @property
+    def effects(self) -> tuple[int, int, int]:
+        """Count what is made anew each time it is asked for: loops, buffers, and stores outside of all loops."""
+        return len(self.loops), len(self.buffers), len(self.stores)
+
+    @property
     def depth(self) -> int:
         """Number of open loops."""
         return len(self._open)

@@ -66,7 +66,7 @@ def _call(t: Tracer, eqn: Any, *values: Any) -> list[Any]:
     if eqn.primitive.name == "custom_jvp_call":
         return _with_slopes(t, eqn, values)
     inner = p.get("jaxpr", p.get("call_jaxpr", p.get("fun_jaxpr")))
-    return t.closed(inner, values) if hasattr(inner, "consts") else t.run(inner, [], values)
+    return t.call(inner, values) if hasattr(inner, "consts") else t.run(inner, [], values)
 
 
 def _with_slopes(t: Tracer, eqn: Any, values: tuple[Any, ...]) -> list[Any]:

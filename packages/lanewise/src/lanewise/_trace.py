@@ -353,10 +353,28 @@ class Tracer:
         self.graph = graph
         self.calls: list[Any] = []  # operations in work, from the outermost in
         self.slopes: dict[Any, Any] = {}  # derivatives that functions say themselves, by call and input
+        self._results: dict[Any, tuple[Any, list[Value]]] = {}  # of calls, by function, arguments and exactness
 
     def closed(self, closed: ClosedJaxpr, values: Sequence[Value]) -> list[Value]:
         """Results of a jaxpr with its constants."""
         return self.run(closed.jaxpr, [self.constant(c) for c in closed.consts], values)
+
+    def call(self, closed: ClosedJaxpr, values: Sequence[Value]) -> list[Value]:
+        """Results of a function that JAX has traced once for all its calls; it is followed once per arguments.
+
+        Following it again would find the same nodes, since a graph has none twice. Loops and memory are made anew instead,
+        and a refusal names the call that it comes from.
+        """
+        if not all(isinstance(v, Node) for v in values):
+            return self.closed(closed, values)
+        key = id(closed), self.graph.exact, tuple(v.serial for v in values)
+        if key not in self._results:
+            before = self.graph.effects
+            results = self.closed(closed, values)
+            if self.graph.effects != before or any(isinstance(v, Refusal) for v in results):
+                return results
+            self._results[key] = closed, results
+        return self._results[key][1]
 
     def constant(self, value: Any) -> Any:
         """Return a known number or array as a value."""

@@ -24,7 +24,7 @@ from __future__ import annotations
 import abc
 from typing import Protocol, runtime_checkable
 
-from ..._jax import jax, jnp
+from ..._jax import jax, jit, jnp
 from ...components import AbstractVar, Scalar, derivative
 from ...quantities import quantity
 from .. import dimensions
@@ -67,14 +67,31 @@ class BraidInSeats(TensionLaw):
 
     def take_up(self, length: Scalar, pressure: Scalar) -> Scalar:
         """How far both ends have settled together [m], by which the braid is shorter than the muscle."""
-        return _take_up(self.braid(), self.seat_compliance, length, pressure)
+        u: Scalar = _take_up(self.braid(), self.seat_compliance, length, pressure)
+        return u
 
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
-        braid = self.braid()
-        u = _take_up(braid, self.seat_compliance, length, pressure)
-        return braid.potential(length - u, pressure) + u * (u / self.seat_compliance) ** 2 / 3.0
+        energy: Scalar = _potential(self.braid(), self.seat_compliance, length, pressure)
+        return energy
 
 
+# Tension, volume, stiffness and the threads' stiffness ask for slopes up to the third of one potential at a few lengths and
+# pressures. Written out for each, that is half a million operations, nearly all alike; as functions they are traced once.
+
+
+@jit
+def _energy(braid: HyperelasticBraid, length: Scalar, pressure: Scalar) -> Scalar:
+    return braid.potential(length, pressure)
+
+
+@jit
+def _potential(braid: HyperelasticBraid, compliance: Scalar, length: Scalar, pressure: Scalar) -> Scalar:
+    u = _take_up(braid, compliance, length, pressure)
+    energy: Scalar = _energy(braid, length - u, pressure) + u * (u / compliance) ** 2 / 3.0
+    return energy
+
+
+@jit
 def _take_up(braid: HyperelasticBraid, compliance: Scalar, length: Scalar, pressure: Scalar) -> Scalar:
     held_braid, held_q, held_length, held_pressure = jax.lax.stop_gradient((braid, compliance, length, pressure))
 
@@ -87,12 +104,12 @@ def _take_up(braid: HyperelasticBraid, compliance: Scalar, length: Scalar, press
 
     def forces(u: Scalar) -> tuple[Scalar, Scalar]:
         at = held_length - u
-        pull = lambda x: derivative(lambda y: held_braid.potential(y, held_pressure), x)  # noqa: E731
+        pull = lambda x: derivative(lambda y: _energy(held_braid, y, held_pressure), x)  # noqa: E731
         return jax.jvp(pull, (at,), (jnp.ones_like(at),))
 
     u = jax.lax.fori_loop(0, STEPS - 1, lambda _, u: step(u, *forces(u), held_q), jnp.zeros_like(held_length))
     # Only this last step is differentiated: the ones before have converged to where it begins.
-    force = derivative(lambda x: braid.potential(x, pressure), length - u)
+    force = derivative(lambda x: _energy(braid, x, pressure), length - u)
     return step(u, force, forces(u)[1], compliance)
 
 

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...analysis.energy import CycleLoops, CyclePath, EnergyCurve, cycle_loops, energy_curve
+from ...analysis.energy import CycleLoops, CyclePath, EnergyCurve
 from ...analysis.energy_parts import EnergyAccount
 from ...quantities import from_si
-from ...reproduction import part4
 from . import formats, style
 from .style import CAUTION, COLOURS, INK, INK_2, INK_3, PANEL, SMALL, number
 
@@ -49,8 +48,6 @@ BESIDE_TENDON = {
 }
 HALO = {"boxstyle": "square,pad=0.15", "fc": PANEL, "ec": "none", "alpha": 0.85}
 SHORTENING = {True: "Maximal shortening at constant pressure", False: "Isotonic shortening"}
-DASHED = "dashed: volume of the potential"
-Printed = Mapping[tuple[str, bool], tuple[float, float]]
 
 
 class EfficiencyLine(NamedTuple):
@@ -75,13 +72,12 @@ class PrintedEfficiency(NamedTuple):
 
 
 @style.styled()
-def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | None = None) -> Figure:
+def loops_figure(loops: Sequence[CycleLoops], *, title: str) -> Figure:
     """Draw cycles as closed paths, piston on the left and tendon on the right; maximal above, isotonic below.
 
     Args:
         loops: from `cycle_loops`; those of one muscle with and without an accumulator may be given together.
         title: title of the muscle.
-        printed: input and output in print [J], by the name of the cycle and whether it has an accumulator.
     """
     rows = [r for r in ([p for p in loops if p.name == "maximal"], [p for p in loops if p.name != "maximal"]) if r]
     tall = HEIGHT * len(rows)
@@ -90,97 +86,27 @@ def loops_figure(loops: Sequence[CycleLoops], *, title: str, printed: Printed | 
         for ax, draw in zip(
             _row(fig, (1.12, 1.0), HEIGHT * (len(rows) - 1 - i)), (draw_piston, draw_tendon), strict=True
         ):
-            draw(ax, row, printed or {})
+            draw(ax, row)
         shortening = SHORTENING[row[0].name == "maximal"]
         style.heading(fig.axes[2 * i], title if i == 0 else shortening, shortening if i == 0 else "", above=40.0)
     return fig
 
 
 @style.styled()
-def efficiency_figure(
-    lines: Sequence[EfficiencyLine], *, title: str, marks: Sequence[PrintedEfficiency] = (), note: str = ""
-) -> Figure:
-    """Draw efficiency over supply pressure, one line per curve, printed values as marks."""
+def efficiency_figure(lines: Sequence[EfficiencyLine], *, title: str) -> Figure:
+    """Draw efficiency over supply pressure, one line per curve."""
     fig = style.figure(style.MIDDLE, HEIGHT)
     ax = fig.add_axes((0.07, FOOT / HEIGHT, 0.77, (HEIGHT - FOOT - TOP) / HEIGHT))
-    draw_efficiency(ax, lines, marks, note=note)
+    draw_efficiency(ax, lines)
     style.heading(ax, title, above=40.0)
     return fig
 
 
-@style.styled()
-def figure_12() -> Figure:
-    """Fig. 12a to c of the paper: the cycle of maximal shortening at 5 bar, and its efficiency over pressure."""
-    fig = style.figure(style.WIDE * 1.16, HEIGHT)
-    panels = _row(fig, (1.0, 1.0, 0.9), 0.0, right=1.1)
-    loops = [cycle_loops(part4.muscle(), "maximal", part4.conditions(accumulator=a)) for a in (False, True)]
-    draw_piston(panels[0], loops, printed_joules(), letter="a")
-    draw_tendon(panels[1], loops, printed_joules(), letter="b")
-    looks = (("paper", True, "-", INK), ("potential", True, style.RECORDING_DASHES[1], INK_3))
-    draw_efficiency(panels[2], efficiency_lines(looks), printed_marks(), letter="c", note=DASHED)
-    style.heading(panels[0], "Fig. 12. Maximal shortening at constant pressure, nylon muscle, 5 bar", above=40.0)
-    return fig
-
-
-@style.styled()
-def figure_13() -> Figure:
-    """Fig. 13a and b of the paper: both isotonic cycles at 5 bar."""
-    loops = [
-        cycle_loops(part4.muscle(), name, part4.conditions(accumulator=a))
-        for name in ("isotonic", "valve")
-        for a in (False, True)
-    ]
-    fig = style.figure(style.WIDE * 0.8, HEIGHT)
-    left, right = _row(fig, (1.12, 1.0), 0.0)
-    draw_piston(left, loops, printed_joules(), letter="a")
-    draw_tendon(right, loops, printed_joules(), letter="b")
-    style.heading(left, "Fig. 13. Isotonic shortening, nylon muscle, up to 5 bar", above=40.0)
-    return fig
-
-
-def printed_joules() -> Printed:
-    """Values printed in Part IV: input and output [J] of each cycle, without and with the accumulator."""
-    output = {"maximal": "maximal.output", "isotonic": "isotonic.output", "valve": "isotonic.output"}
-    return {
-        (name, full): (part4.printed(f"{name}.input" + "_accumulator" * full), part4.printed(output[name]))
-        for name in output
-        for full in (False, True)
-    }
-
-
-def efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
-    """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
-    lines: list[EfficiencyLine] = []
-    for volume, friction, dash, colour in looks:
-        for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
-            muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
-            low = 1e-3 + float(muscle.threshold())
-            at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
-            curve = energy_curve(muscle, "maximal", at, between)
-            lines.append(EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
-    return lines
-
-
-def printed_marks() -> list[PrintedEfficiency]:
-    """Printed efficiencies of the maximal cycle at 5 bar."""
-    right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
-    joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
-    return [
-        PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
-        PrintedEfficiency(
-            part4.PRESSURE,
-            wrong,
-            f"printed {100.0 * wrong:.0f} %, from its joules {100.0 * joules:.0f} %",
-            misprint=True,
-        ),
-    ]
-
-
-def _row(fig: Figure, shares: tuple[float, ...], above: float, right: float = 0.25) -> list[Axes]:
+def _row(fig: Figure, shares: tuple[float, ...], above: float) -> list[Axes]:
     """Place panels side by side, `above` the lower edge of the figure [inch]."""
     wide, tall = fig.get_size_inches()
     gap = 0.62
-    room = (wide - LEFT - right - gap * (len(shares) - 1)) / sum(shares)
+    room = (wide - LEFT - 0.25 - gap * (len(shares) - 1)) / sum(shares)
     x, panels = LEFT, []
     for share in shares:
         panels.append(
@@ -193,7 +119,7 @@ def _row(fig: Figure, shares: tuple[float, ...], above: float, right: float = 0.
 # ---- panels
 
 
-def draw_piston(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, letter: str = "") -> None:
+def draw_piston(ax: Axes, loops: Sequence[CycleLoops]) -> None:
     """Draw absolute pressure over the volume of piston and stretched muscle; the filled area is the input."""
     ml, bar = from_si(1.0, "m^3", "cm^3"), from_si(1.0, "Pa", "bar")
     first = loops[0]
@@ -204,7 +130,7 @@ def draw_piston(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, lett
     style.quantity_axes(
         ax, x=("Volume of piston and stretched muscle, cm³", None), y=("Absolute pressure, bar", "pressure")
     )
-    style.heading(ax, f"{letter}  Air".strip(), "the input is the area", above=20.0)
+    style.heading(ax, "Air", "the input is the area", above=20.0)
     blue = COLOURS["pressure"]
     ax.fill(*paths[0][1:], color=blue, alpha=FILL, lw=0, zorder=1)
     for loop, x, y in paths:
@@ -216,10 +142,10 @@ def draw_piston(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, lett
     _corners(ax, [p.piston for p in loops], (ml, bar), BESIDE_PISTON)
     if first.name == "maximal":
         _parts(ax, first, ml, bar)
-    _areas(ax, [(_word(p.piston), p.cycle.input, printed.get(_key(p), (None, None))[0]) for p in loops])
+    _areas(ax, [(_word(p.piston), p.cycle.input) for p in loops])
 
 
-def draw_tendon(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, letter: str = "") -> None:
+def draw_tendon(ax: Axes, loops: Sequence[CycleLoops]) -> None:
     """Draw tension over length; the filled area is the output."""
     cm, first = from_si(1.0, "m", "cm"), loops[0]
     x, y = first.tendon.x * cm, first.tendon.y
@@ -227,31 +153,29 @@ def draw_tendon(ax: Axes, loops: Sequence[CycleLoops], printed: Printed, *, lett
     ax.set_xlim(float(x.min()) - room, float(x.max()) + 1.3 * room)
     ax.set_ylim(-0.1 * float(y.max()), 1.16 * float(y.max()))
     style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
-    style.heading(ax, f"{letter}  Tendon".strip(), "the output is the area", above=20.0)
+    style.heading(ax, "Tendon", "the output is the area", above=20.0)
     ax.fill(x, y, color=COLOURS["tension"], alpha=FILL, lw=0, zorder=1)
     ax.plot(x, y, color=COLOURS["tension"], lw=style.LINE + 0.4, zorder=3)
     _corners(ax, [first.tendon], (cm, 1.0), BESIDE_TENDON)
-    said = [(_word(first.tendon), first.cycle.output, printed.get(_key(first), (None, None))[1])]
+    said = [(_word(first.tendon), first.cycle.output)]
     for other in loops[1:]:
         if abs(other.cycle.output - first.cycle.output) > 5e-4 * abs(first.cycle.output):
             ax.plot(
                 other.tendon.x * cm, other.tendon.y, color=COLOURS["tension"], ls=style.RECORDING_DASHES[1], zorder=2
             )
-            said.append((_word(other.tendon), other.cycle.output, printed.get(_key(other), (None, None))[1]))
+            said.append((_word(other.tendon), other.cycle.output))
     _areas(ax, said, left=True)
 
 
-def draw_efficiency(
-    ax: Axes, lines: Sequence[EfficiencyLine], marks: Sequence[PrintedEfficiency], *, letter: str = "", note: str = ""
-) -> None:
-    """Draw efficiency over supply pressure, where it is not negative."""
+def draw_efficiency(ax: Axes, lines: Sequence[EfficiencyLine], marks: Sequence[PrintedEfficiency] = ()) -> None:
+    """Draw efficiency over supply pressure, where it is not negative; printed values as marks."""
     bar = from_si(1.0, "Pa", "bar")
     top = max(float(np.nanmax(line.curve.cycles.efficiency)) for line in lines)
     top = 100.0 * max([top, *(m.efficiency for m in marks)])
     ax.set_xlim(0.0, max(float(line.curve.pressure[-1]) for line in lines) * bar)
     ax.set_ylim(0.0, 1.12 * top)
     style.quantity_axes(ax, x=("Gauge pressure of the supply, bar", "pressure"), y=("Efficiency, %", None))
-    style.heading(ax, f"{letter}  Over pressure".strip(), note, above=20.0)
+    style.heading(ax, "Over pressure", above=20.0)
     ends = []
     for line in lines:
         x, y = line.curve.pressure * bar, 100.0 * line.curve.cycles.efficiency
@@ -275,10 +199,6 @@ def draw_efficiency(
 
 
 # ---- what stands in a panel
-
-
-def _key(loop: CycleLoops) -> tuple[str, bool]:
-    return loop.name, loop.conditions.exchange_pressure > 0.0
 
 
 def _word(path: CyclePath) -> str:
@@ -346,12 +266,11 @@ def _wasted(ax: Axes, isotonic: CyclePath, valve: CycleLoops, ml: float, bar: fl
     )
 
 
-def _areas(ax: Axes, said: Sequence[tuple[str, float, float | None]], *, left: bool = False) -> None:
-    for i, (word, ours, paper) in enumerate(said):
-        text = f"{word}  {number(ours, 2)} J" + (f"  (printed {number(paper, 2)})" if paper is not None else "")
+def _areas(ax: Axes, said: Sequence[tuple[str, float]], *, left: bool = False) -> None:
+    for i, (word, joules) in enumerate(said):
         style.note(
             ax,
-            text,
+            f"{word}  {number(joules, 2)} J",
             x=0.1 if left else 0.985,
             y=0.8 if left else 0.74,
             dy=-13.0 * i,

@@ -25,7 +25,6 @@ from . import style
 from .ranking_figures import draw_ranking as draw_ranking
 from .ranking_figures import law_title as law_title
 from .ranking_figures import ranking as ranking
-from .study_figures import FRICTIONS
 from .style import COLOURS, INK, INK_2, INK_3, PANEL, SUNKEN, number
 
 if TYPE_CHECKING:
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
 
 MOST_LINES, MOST_LABELS, MOST_PANELS = 24, 8, 3
 FINE = 61
+FRICTIONS = {"bouc_wen": "Bouc-Wen", "dahl": "Dahl", "maxwell_slip": "Maxwell-slip"}
 KEY = "▲ measured\N{EM SPACE}○ measured, slack\N{EM SPACE}— law"
 
 

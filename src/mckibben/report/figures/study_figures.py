@@ -1,9 +1,9 @@
-"""Figures of studies: models of the tube, the loop with creep, characterisation of a muscle, diagnosis of faults."""
+"""Figures of studies: models of the tube, characterisation of a muscle, diagnosis of faults."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from ...quantities import from_si
 from ...studies.characterisation.evaluation import HeldOut, relaxation_curve
 from ...studies.characterisation.stages import ISOBARS
 from ...studies.characterisation.verb import Characterisation
-from ...studies.muscle_loops import TARGET, LoopStudy, StepCreep
 from ...studies.tube_models import LARGE, PERIOD, SMALL, Case, models
 from ...studies.tube_study import PAPERS, TubeStudy
 from . import style
@@ -222,118 +221,6 @@ def _beside(ax: Axes, words: str, y: float, *, dx: float, **options: Any) -> Non
     """Draw text at the left edge of axes, at a height in data units, shifted by points."""
     place = ax.get_yaxis_transform() + style.shift(ax, dx, 0)
     ax.text(0.0, y, words, transform=place, fontsize=style.SMALL, va="center", **options)
-
-
-LOOP_HEIGHT = 6.9  # [inch]
-LOOP_LEFT, LOOP_FOOT, LOOP_TOP, GAP_X, GAP_Y = 0.5, 0.55, 0.75, 0.7, 1.25  # [inch]
-LOOP_TALL = (LOOP_HEIGHT - LOOP_FOOT - LOOP_TOP - GAP_Y) / 2.0
-FRICTIONS = {"bouc_wen": "Bouc-Wen", "dahl": "Dahl", "maxwell_slip": "Maxwell-slip"}
-LAWS = {"free": "free amplitudes", "logarithmic": "equal steps per decade"}
-DOTS: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.6, "mfc": INK, "mec": "none"}
-MODEL_LINE: dict[str, Any] = {"color": COLOURS["length"], "lw": style.LINE + 0.2}
-
-
-@style.styled()
-def loop_study_figure(study: LoopStudy) -> Figure:
-    """Draw loop and width above, measured and predicted outside the fit; creep and its band below."""
-    fig = style.figure(style.WIDE, LOOP_HEIGHT)
-    across = (style.WIDE - LOOP_LEFT - GAP_X - 0.35) / 2.0
-    places = [
-        (LOOP_LEFT + i * (across + GAP_X), LOOP_FOOT + (1 - j) * (LOOP_TALL + GAP_Y))
-        for j in range(2)
-        for i in range(2)
-    ]
-    axes = [
-        fig.add_axes((x / style.WIDE, y / LOOP_HEIGHT, across / style.WIDE, LOOP_TALL / LOOP_HEIGHT)) for x, y in places
-    ]
-    _study_loop(axes[0], study)
-    _study_width(axes[1], study)
-    for ax, step in zip(axes[2:], study.steps, strict=True):
-        _creep(ax, step)
-    return fig
-
-
-def _study_loop(ax: Axes, study: LoopStudy) -> None:
-    bar, mm = from_si(1.0, "Pa", "bar"), from_si(1.0, "m", "mm")
-    record = study.record
-    ax.plot(record.pressure * bar, record.stroke * mm, label="measured", zorder=2, **DOTS)
-    ax.plot(record.pressure * bar, study.unseen.stroke * mm, label="model, from the other half", zorder=3, **MODEL_LINE)
-    style.quantity_axes(ax, x=("Gauge pressure, bar", "pressure"), y=("Stroke, mm", "length"))
-    rms = float(np.sqrt(np.mean((study.unseen.stroke - record.stroke) ** 2))) * mm
-    names = " and ".join(dict.fromkeys(FRICTIONS.get(h.model, h.model) for h in study.halves))
-    style.heading(ax, "Loop", f"{names}; rms of the unseen samples {number(rms, 2)} mm", above=24.0)
-    _key(ax, "upper left")
-    for way, words, share, shift in ((1, "rising", 0.55, (8, -4)), (-1, "falling", 0.4, (-8, 4))):
-        some = np.flatnonzero(record.branch == way)
-        i = some[np.argmin(np.abs(record.pressure[some] - record.pressure.min() - share * np.ptp(record.pressure)))]
-        style.beside(
-            ax,
-            words,
-            (record.pressure[i] * bar, record.stroke[i] * mm),
-            shift,
-            va="center",
-            ha="left" if way > 0 else "right",
-            color=INK_2,
-        )
-
-
-def _study_width(ax: Axes, study: LoopStudy) -> None:
-    bar, mm = from_si(1.0, "Pa", "bar"), from_si(1.0, "m", "mm")
-    at = np.array([w.pressure for w in study.widths]) * bar
-    measured, predicted = (np.array([getattr(w, n) for w in study.widths]) * mm for n in ("measured", "predicted"))
-    middle = np.array([w.middle for w in study.widths])
-    low, high = (np.where(middle, (1.0 + s * TARGET) * measured, np.nan) for s in (-1.0, 1.0))
-    label = f"measured \N{PLUS-MINUS SIGN} {100.0 * TARGET:g} %, mid-range"
-    ax.fill_between(at, low, high, color=SUNKEN, ec=RULE, lw=style.HAIR, zorder=1, label=label)
-    ax.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
-    ax.plot(at, measured, label="measured", zorder=2, **DOTS | {"ms": 4.0})
-    ax.plot(at, predicted, label="model", zorder=3, **MODEL_LINE)
-    style.quantity_axes(ax, x=("Gauge pressure, bar", "pressure"), y=("Width in stroke, mm", "length"))
-    ax.set_ylim(min(0.0, 1.1 * float(predicted.min()), 1.1 * float(measured.min())), 1.28 * float(measured.max()))
-    worst = study.worst
-    note = f"worst mid-range {number(100.0 * worst.error, 1, sign=True)} % at {number(worst.pressure * bar, 2)} bar"
-    style.heading(ax, "Width", note, above=24.0)
-    _key(ax, "upper left")
-
-
-def _creep(ax: Axes, step: StepCreep) -> None:
-    mm, fit = from_si(1.0, "m", "mm"), step.fit
-    training, time = fit.train, fit.time
-    late = step.late
-    split = 0.5 * (float(time[training][-1]) + float(time[~training][0]))
-    end = float(step.at[-1])
-    shown = step.at > 0.0
-    ax.axvspan(split, end * 1.3, color=SUNKEN, lw=0, zorder=0, label="not seen by the fit")
-    ax.fill_between(
-        step.at[shown],
-        step.low[shown] * mm,
-        step.high[shown] * mm,
-        color=COLOURS["length"],
-        alpha=0.22,
-        lw=0,
-        zorder=1,
-        label="95 % band",
-    )
-    ax.plot(step.at[shown], fit.predict(step.at[shown]) * mm, label="model", zorder=3, **MODEL_LINE)
-    ax.plot(time[1:], fit.stroke[1:] * mm, label="measured", zorder=2, **DOTS)
-    ax.set_xscale("log")
-    ax.set_xlim(float(time[1]) * 0.9, end * 1.3)
-    if late is not None:
-        ax.plot(
-            [late.time], [late.measured * mm], zorder=4, ls="none", marker="o", ms=5.5, mfc="none", mec=INK, mew=1.2
-        )
-        style.beside(ax, "end of hold", (late.time, late.measured * mm), (-8, 0), ha="right", va="center", color=INK)
-    style.quantity_axes(ax, x=(f"Time since {number(step.start)} s, s", None), y=("Stroke, mm", "length"))
-    style.tick_numbers(ax.xaxis)
-    ax.tick_params(axis="x", which="minor", length=0)
-    rms = [number(fit.rmse(seen=which) * mm, 3) for which in (True, False)]
-    note = f"{LAWS.get(fit.law, fit.law)}; rms seen {rms[0]} mm, unseen {rms[1]} mm"
-    style.heading(ax, f"Creep, {step.segment.replace('_', ' ')}", note, above=24.0)
-    _key(ax, "upper left" if fit.stroke[-1] >= fit.stroke[0] else "lower left")
-
-
-def _key(ax: Axes, where: Literal["upper left", "lower left"]) -> None:
-    style.key(ax, loc=where, labelcolor=INK_2, handlelength=2.0, borderpad=0.3)
 
 
 FINE = 61

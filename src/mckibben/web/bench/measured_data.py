@@ -15,7 +15,7 @@ import numpy as np
 from ...analysis.channels import Cycle, find_cycles
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
-from ...formats.columns import quantity_of
+from ...formats.labels import quantity_of
 from ...formats.registry import part_options, parts_of
 from ...muscles.build import built_muscle
 from ...recordings import ForceMap, Recording, read

@@ -6,16 +6,16 @@ import csv
 import html
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ....errors import InputError
 from ....quantities import from_si
 from ....recordings import read_recording
-from ....reproduction.rows import all_rows
+from ....registry import plugins
 from ....studies.comparison import PROPERTIES, ComparedMuscle, MuscleColumn, MuscleTable, subject
 from ....studies.comparison.assisted import steady
 from ....studies.comparison.protocols import Trials, trials
@@ -31,7 +31,7 @@ FASTEST = 10.0  # of the tension against velocity [L0/s]
 MOST = 8  # columns
 Loop = tuple[np.ndarray, np.ndarray]  # length [m] and tension [N]
 SWITCH = 0.15  # after the command at which the drawing goes on with the fall [s]
-PAPER = {  # row of the reproduction -> property
+PAPER = {  # row of Table 1 as it is printed -> property
     "section_area": "section_area", "dynamic_range": "dynamic_range", "max_tension": "maximum_tension",
     "stiffness": "stiffness", "work": "work", "tension_intensity": "tension_intensity",
     "stiffness_intensity": "stiffness_intensity", "work_density": "work_density",
@@ -112,15 +112,21 @@ def over_velocity(one: ComparedMuscle) -> tuple[np.ndarray, np.ndarray]:
     return speeds, np.asarray(pull) / one.full_tension
 
 
+def _printed_rows() -> Mapping[str, Any]:
+    """What the papers print, by the name of the row; empty without the package that knows it."""
+    rows: Callable[[], Mapping[str, Any]] = plugins("mckibben.printed").get("rows", dict)
+    return rows()
+
+
 def paper_values(identifier: str) -> dict[str, float]:
     """Values that the paper prints of a muscle, by property, in the units of the table."""
     values = {}
-    for row in all_rows():
-        start, _, last = row.id.rpartition(".")
+    for name, row in _printed_rows().items():
+        start, _, last = name.rpartition(".")
         if start == f"table1.{identifier}" and last in PAPER and isinstance(row.paper, float):
             values[PAPER[last]] = row.paper
-        elif identifier == "nylon" and row.id == "energy.maximal.efficiency":
-            values["efficiency"] = float(row.paper)  # type: ignore[arg-type]
+        elif identifier == "nylon" and name == "energy.maximal.efficiency":
+            values["efficiency"] = float(row.paper)
     return values
 
 
@@ -359,7 +365,7 @@ def efficiencies(table: MuscleTable, letters: Sequence[str], ours: bool) -> str:
         return left + min(max(x, 0.0), top) / top * (wide - left - 34.0)
 
     # the printed efficiency with an accumulator is wrong
-    row = next(r for r in all_rows() if r.id == "energy.maximal.efficiency_accumulator") if ours else None
+    row = _printed_rows().get("energy.maximal.efficiency_accumulator") if ours else None
     nylon = letters[[c.name for c in table.columns].index("nylon")] if ours else ""
     marked = next((k for k, r in enumerate(rows) if r[0] == f"{nylon} accumulator"), 0)
     out = [

@@ -20,9 +20,9 @@ from ....documents import JsonValue
 from ....errors import InputError, MckibbenError, NoVolumeError
 from ....muscles.build import built_muscle
 from ....quantities import from_si, parse, shown_unit, with_unit
+from ....registry import plugins
 from ....report.figures import energy_figures
 from ....report.study_reports import energy_report
-from ....reproduction import part4
 from ....specimens import specimen, specimen_ids
 from ....verbs import answer
 from ...shelf import Shelf
@@ -54,6 +54,7 @@ class EnergyChoice:
         return self.muscle if self.file is None else self.file.path
 
 
+OF_THE_PAPERS = "nylon"  # they print its cycles, and neither its volume nor its stretched length
 WORDS = {"cycle": CYCLES, "exchange": ("atmosphere", "accumulator"), "reading": READINGS}
 LINKED = ("muscle", "law", "cycle", "exchange", "volume", "reading", *SETTINGS)
 
@@ -166,7 +167,7 @@ def cycle_document(choice: EnergyChoice) -> dict[str, JsonValue]:
             f"What the air could still do, {cycle.exhaust:.2f} J, is lost as the air leaves. An accumulator at "
             f"{at} gives {abs(cycle.input - other.cycle.input):.2f} J of the input back."
         )
-    if choice.muscle == part4.MUSCLE and choice.stretched_length is None:
+    if choice.muscle == OF_THE_PAPERS and choice.stretched_length is None:
         said.append("Volume and stretched length are inferred.")
     return {
         "title": computed.specimen.title,
@@ -243,20 +244,11 @@ def _rows(
 
 
 def _printed(choice: EnergyChoice, computed: WorkingCycles) -> dict[tuple[str, bool], Any]:
-    """Values that the paper prints for this cycle; empty if it prints another."""
-    between = computed.conditions
-    ours = part4.conditions()._replace(exchange_pressure=between.exchange_pressure, reading=between.reading)
-    same = choice.muscle == part4.MUSCLE and not choice.law and computed.volume == "paper" and between == ours
-    if not same or choice.accumulator_pressure is not None:
+    """Values that a paper prints for this cycle, by an installed package that knows them; empty if it prints another."""
+    printed = plugins("mckibben.printed").get("cycle")
+    if printed is None or choice.law or computed.volume != "paper" or choice.accumulator_pressure is not None:
         return {}
-    output = "maximal" if choice.cycle == "maximal" else "isotonic"
-    values: dict[tuple[str, bool], Any] = {("output", False): part4.printed(f"{output}.output")}
-    for quantity in ("input", "efficiency"):
-        for accumulated in (False, True):
-            values[quantity, accumulated] = part4.printed(f"{choice.cycle}.{quantity}" + "_accumulator" * accumulated)
-    if choice.cycle == "maximal":  # a misprint: the efficiency does not follow from the joules beside it
-        joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
-        values["efficiency", True] = {"struck": values["efficiency", True], "instead": joules}
+    values: dict[tuple[str, bool], Any] = printed(choice.muscle, choice.cycle, computed.conditions)
     return values
 
 

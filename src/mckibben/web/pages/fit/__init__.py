@@ -100,7 +100,7 @@ class FitPage:
                     self._place("laws")
                 self._place("cautions", "colx")
             with box("div", "colx"):
-                with panel("Ranking", "by AICc, without parameters at a bound; errors in N", step=3) as head:
+                with panel("Ranking", "by the error of points left out; errors in N", step=3) as head:
                     saveable(head, "Ranking", self.shown.draw_ranking)
                     self._place("ranking")
                     self._place("going")

@@ -61,7 +61,7 @@ def _row(row: Mapping[str, Any], widest: float, held: bool, chosen: str, pick: C
 
     with box("tr", "sel" if picked else "") as line:
         line.set(data_law=law, data_rmse=repr(row["rmse"]), data_most=repr(row["max_error"]))
-        line.set(data_left=repr(row.get("pressure_rmse")), data_aicc=repr(row.get("aicc")))
+        line.set(data_left=repr(row.get("left_out_rmse")), data_aicc=repr(row.get("aicc")))
         if law:
             line.classed("pick").set(tabindex="0", aria_current="true" if picked else "false")
             line.on("click", lambda: pick(law)).on("enter", lambda: pick(law))
@@ -74,7 +74,7 @@ def _row(row: Mapping[str, Any], widest: float, held: bool, chosen: str, pick: C
         bar = f'<span class="track"><i style="width:{100.0 * share:.1f}%"></i></span>'
         raw(f'<div>{bar}<span class="num">{number("rmse")}</span></div>', "td", "bar")
         raw(f'{number("max_error")} <span class="faint">{number("share")}</span>', "td", "num")
-        text("td", number("pressure_rmse"), "num")
+        text("td", number("left_out_rmse"), "num")
         if held:
             text("td", number("above_share"), "num")
         beyond = number("distance")

@@ -1,0 +1,310 @@
+"""Report of the reproduction: printed and computed values, number by number and figure by figure, with verdicts.
+
+The figures come from the registry `figures.FIGURES`; each is drawn from our own runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from mckibben.errors import InputError
+from mckibben.report.blocks import (
+    Block,
+    Figure,
+    Gauge,
+    Hyperlink,
+    KeyValues,
+    NoteBox,
+    Paragraph,
+    References,
+    ReportTable,
+    Section,
+    Span,
+    TableCell,
+    TableColumn,
+    TableRow,
+    Text,
+    headed,
+    minus,
+    numeric,
+    significant,
+    unit_text,
+    versions_text,
+)
+from mckibben.report.document import Document
+
+from .figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
+from .rows import (
+    PrintedRow,
+    RowOutcome,
+    Tally,
+    VerdictKind,
+    accepted_band,
+    headline,
+    is_prediction,
+    judge,
+    kind_of,
+    percent,
+    relative_difference,
+    tallies,
+)
+
+PARTS = {
+    "I": "Part I. Static and dynamic tension-length relationships",
+    "II": "Part II. Pneumatic circuits",
+    "III": "Part III. Isometric and isotonic experiments",
+    "IV": "Part IV. Energy conversion and efficiency",
+    "discussion": "Discussion",
+}
+PREDICTIONS = "Predictions. No input was inferred from these numbers or from their experiment"
+_SIGNS = {
+    "predicted": "✓",
+    "elsewhere": "(✓)",
+    "calibrated": "(✓)",
+    "arithmetic": "=",
+    "misprint": "▲",
+    "open": "○",
+    "synthetic": "◇",
+    "short": "■",
+    "repeats": "↻",
+    "unprinted": "–",
+    "to come": "…",
+}
+_LOOKS: dict[str, Any] = {"misprint": "caution", "short": "stop"}
+_ENDS = 0.5  # place on a gauge where the tolerance ends
+
+
+class Drawn(NamedTuple):
+    """A figure of the papers, with its matplotlib figure."""
+
+    of: PaperFigure
+    picture: Any
+
+
+def chosen_figures(
+    ids: Sequence[str] | None = None,
+    *,
+    part: str | None = None,
+    rows: Sequence[str] | None = None,
+    recordings: bool = True,
+    known: Mapping[str, PaperFigure] = FIGURES,
+) -> list[PaperFigure]:
+    """Find figures by their identifiers, or those that show one of the rows; of one part, if it is given.
+
+    Args:
+        ids: such as ``3a``; a number alone stands for all its panels.
+        part: ``I`` to ``IV`` or ``discussion``.
+        rows: beginnings of identifiers of rows; asked only where no figure is named.
+        recordings: off leaves out the figures that need them.
+        known: the registry.
+
+    Raises:
+        InputError: there is no such figure, or it is named and left out.
+    """
+    figures = [*known.values()]
+    if ids:
+        named: dict[str, PaperFigure] = {}
+        for word in ids:
+            panels = {k: f for k, f in known.items() if k == word or re.fullmatch(re.escape(word) + "[a-z]", k)}
+            if not panels:
+                raise InputError("--figure", word, known=known)
+            named |= panels
+        figures = [*named.values()]
+        elsewhere = [f.id for f in figures if part not in (None, f.part)]
+        if elsewhere:
+            raise InputError("--figure", ", ".join(elsewhere), f"not in part {part}")
+        left = [f.id for f in figures if f.recordings and not recordings]
+        if left:
+            raise InputError("--figure", ", ".join(left), "drawn of recordings, which --no-recordings leaves out")
+    elif rows:
+        figures = [f for f in figures if any(a.startswith(b) for a in f.rows for b in rows)]
+    return [f for f in figures if (part is None or f.part == part) and (recordings or not f.recordings)]
+
+
+def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | None = None) -> list[Drawn]:
+    """Draw figures; `tell` is called before each."""
+    drawings = []
+    for figure in figures:
+        if tell:
+            tell(figure)
+        drawings.append(Drawn(figure, figure.draw()))
+    return drawings
+
+
+def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
+    """Build the report of rows and figures.
+
+    Args:
+        outcomes: judged rows.
+        drawn: figures.
+        left_out: a sentence on what was not asked for.
+    """
+    first, second = ([d for d in drawn if (d.of.paper == CONFERENCE) is later] for later in (False, True))
+    predicted = [o for o in predictions_first(outcomes) if is_prediction(o.row)]
+    others = [o for o in outcomes if not is_prediction(o.row)]
+    parts = dict.fromkeys([*(o.row.part for o in others), *(d.of.part for d in first)])
+    order = sorted(parts, key=lambda p: [*PARTS].index(p) if p in PARTS else len(PARTS))
+    sections = [
+        Section("Verdict", tuple(_verdict(outcomes, drawn, left_out)), "verdict"),
+        *([Section(PREDICTIONS, (_table(predicted, drawn),), "predictions")] if predicted else []),
+        *(_part(part, others, first) for part in order),
+        *([Section("Figures of the paper of 1994", tuple(_figure(d) for d in second), "conference")] if second else []),
+        Section("Papers", (References((JOURNAL, CONFERENCE)),), "papers"),
+        Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"),
+    ]
+    lead = (
+        "Every printed number and figure of the papers on the McKibben muscle by Chou and Hannaford, recomputed: theirs, "
+        "ours, and what the difference says."
+    )
+    return Document("The papers, reproduced", tuple(sections), lead)
+
+
+def title_of(row: PrintedRow) -> str:
+    """Title of the group in which a row is listed: the predictions, or its part of the paper."""
+    return PREDICTIONS if is_prediction(row) else PARTS.get(row.part, row.part)
+
+
+def predictions_first(outcomes: Iterable[RowOutcome]) -> list[RowOutcome]:
+    """Outcomes with the predictions in front, those that agree before those that are open; otherwise in their order."""
+    return sorted(outcomes, key=lambda o: (not is_prediction(o.row), is_prediction(o.row) and o.row.expect == "open"))
+
+
+# ---- numbers
+
+
+def printed(value: float | tuple[float, float]) -> str:
+    """Format a printed value or interval."""
+    if isinstance(value, tuple):
+        return " to ".join(significant(v, 6) for v in value)
+    return significant(value, 6)
+
+
+def difference(row: PrintedRow, ours: float | None) -> str:
+    """Difference from the printed value or the nearer end of its interval, in per cent, or in its unit for a printed 0."""
+    if ours is None:
+        return ""
+    if isinstance(row.paper, tuple) and judge(row, ours):
+        return "inside"
+    relative = relative_difference(row, ours)
+    if relative is None:
+        return ("+" if ours > 0.0 else "") + significant(ours, 3)
+    share = 100.0 * relative
+    digits = 0 if abs(share) >= 99.95 else 1 if abs(share) >= 0.95 else 2
+    return f"{minus(f'{share:+.{digits}f}')}\N{THIN SPACE}%"
+
+
+def _gauge(row: PrintedRow, ours: float | None) -> Gauge | str:
+    allowed = accepted_band(row)
+    if allowed is None or ours is None or not allowed[1] > 0.0:
+        return ""
+    middle, half = allowed
+    place = _ENDS * (ours - middle) / half
+    label = f"{significant(ours - middle, 2)} from the middle of a tolerance of plus or minus {significant(half, 2)}"
+    tick = None if isinstance(row.paper, tuple) else 0.0
+    return Gauge(label, place, tick=tick, band=(-_ENDS, _ENDS))
+
+
+# ---- sections
+
+
+def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: str) -> Iterator[Block]:
+    failed = [o for o in outcomes if o.ok is False]
+    if failed:
+        names = tuple((Span(o.row.id, "code"), f" {o.row.what}") for o in failed)
+        yield NoteBox(f"{len(failed)} of {sum(o.ours is not None for o in outcomes)} numbers fall short", names, "stop")
+    if outcomes:
+        pictures = f" {len(drawn)} figure{'s are' if len(drawn) != 1 else ' is'} drawn below." if drawn else ""
+        yield Paragraph(f"{headline(outcomes)}{pictures}", "lead")
+    if left_out:
+        yield Paragraph(left_out)
+    rows = tuple(TableRow((_mark(t.kind), str(t.rows), _range(t), t.kind.meaning)) for t in tallies(outcomes))
+    if rows:
+        columns = headed(
+            "Verdict", *numeric("Rows", "Difference from the print"), TableColumn("What it says", wide=True)
+        )
+        yield ReportTable(columns, rows)
+        yield Paragraph(
+            "A gauge beside a number shows the tolerance in grey, the print as a tick and ours as a dot; an arrow is a "
+            "number beyond twice the tolerance. Every row says what went into ours. A tolerance is half a unit of the last "
+            "printed digit, unless its reason is given.",
+            "quiet",
+        )
+
+
+def _range(tally: Tally) -> str:
+    if tally.lowest is None or tally.highest is None:
+        return ""
+    ends = dict.fromkeys(percent(end, 1) for end in (tally.lowest, tally.highest))
+    return f"{' to '.join(ends)}\N{THIN SPACE}%"
+
+
+def _mark(kind: VerdictKind) -> TableCell:
+    look = _LOOKS.get(kind.key, "")
+    words = kind.verdict.replace(" ", "\N{NO-BREAK SPACE}")
+    return TableCell(words if look else f"{_SIGNS[kind.key]}\N{NO-BREAK SPACE}{words}", look)
+
+
+def _part(part: str, outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> Section:
+    rows = [o for o in outcomes if o.row.part == part]
+    pictures = [d for d in drawn if d.of.part == part]
+    blocks: list[Block] = [_table(rows, drawn)] if rows else []
+    blocks += [_figure(d) for d in pictures]
+    return Section(PARTS.get(part, part), tuple(blocks), _anchor("part", part))
+
+
+def _table(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> ReportTable:
+    columns = headed(
+        "Verdict",
+        TableColumn("What", wide=True),
+        *numeric("Paper", "Ours"),
+        "Unit",
+        TableColumn("Difference", number=True),
+        "Tolerance",
+    )
+    return ReportTable(columns, tuple(_row(o, drawn) for o in outcomes), head=1)
+
+
+def _row(outcome: RowOutcome, drawn: Sequence[Drawn]) -> TableRow:
+    row, ours = outcome.row, outcome.ours
+    theirs: Text = printed(row.paper)
+    if outcome.verdict == "misprint":
+        theirs = Span(printed(row.paper), "struck")
+    shows = [d.of for d in drawn if row.id in d.of.rows]
+    links = tuple(p for f in shows for p in ("  ", Hyperlink(_named(f), _anchor("figure", f.id))))
+    first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
+    named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
+    description = (named, " ", Span(row.id, "code"), *links)
+    computed = TableCell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
+    cells = (
+        _mark(kind_of(outcome)),
+        description,
+        theirs,
+        computed,
+        unit_text(row.unit),
+        difference(row, ours),
+        _gauge(row, ours),
+    )
+    return TableRow(cells, note=_said(outcome.note))
+
+
+def _said(note: str) -> Text:
+    """Format a note; text between backticks is code."""
+    return tuple(Span(p, "code") if i % 2 else minus(p.replace("+-", "±")) for i, p in enumerate(note.split("`")))
+
+
+def _figure(drawn: Drawn) -> Figure:
+    of = drawn.of
+    caption = (Span(f"{_named(of)}. {of.title}.", "strong"), f" {of.caption}" if of.caption else "")
+    return Figure(drawn.picture, caption, f"{_named(of)}: {of.title}", anchor=_anchor("figure", of.id))
+
+
+def _named(figure: PaperFigure) -> str:
+    year, _, number = figure.id.rpartition("-")
+    name = f"Table {number.removeprefix('table')}" if number.startswith("table") else f"Fig. {number}"
+    return name.replace(" ", "\N{NO-BREAK SPACE}") + (f" of {year}" if year else "")
+
+
+def _anchor(kind: str, name: str) -> str:
+    return f"{kind}-" + re.sub(r"[^A-Za-z0-9]+", "-", name)

@@ -1,0 +1,185 @@
+"""The clock of another program's file: dates, stamps that repeat, wrap or pass midnight, runs that begin anew, and gaps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from .table import ForeignTable
+from .text import is_number, rows_left_out
+
+# Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
+LARGEST_GAP = 3.0
+
+
+class MendedClock(NamedTuple):
+    """Times that increase.
+
+    Args:
+        time: times [s].
+        kept: of a clock that lost samples, the numbers of those that are kept; None for all.
+        runs: where runs begin anew in the file: of each its start and end on this clock and the time that it began with in
+            the file [s]; empty for one run.
+        remarks: a sentence for each thing that was mended.
+    """
+
+    time: np.ndarray
+    kept: np.ndarray | None
+    runs: list[dict[str, float]]
+    remarks: list[str]
+
+
+def _not_later(time: np.ndarray, i: int, label: str, table: ForeignTable, where: str) -> InputError:
+    problem = f"{time[i + 1]!s} s after {time[i]!s} s"
+    return InputError(f"{label}{table.place(i + 1)}", problem, "times must increase, each once", where=where)
+
+
+SHARED = 0.2  # of the samples; more have the stamp of the one before, and the clock is a coarse one
+
+
+def mend_clock(
+    time: np.ndarray,
+    label: str,
+    wrap: float | None,
+    alike: np.ndarray | None,
+    table: ForeignTable,
+    strict: bool,
+    where: str,
+) -> MendedClock:
+    """Make a time increase: across midnight and the end of a counter, equal stamps, samples out of order, and new runs.
+
+    Args:
+        time: times as the file has them [s].
+        label: of their column.
+        wrap: after what the clock begins anew [s]; None if it does not.
+        alike: which samples equal the one before in all channels (n,); None where that is not known.
+        table: of the file, for the rows.
+        strict: refuse what is no one run.
+        where: how errors name the file.
+
+    Raises:
+        InputError: a time is no number, or there are several runs where one is wanted.
+    """
+    remarks: list[str] = []
+    if len(time) < 2 or not np.isfinite(time).all() or (np.diff(time) > 0.0).all():
+        return MendedClock(time, None, [], remarks)
+    time, count = time.copy(), len(time)
+    steps = np.diff(time)
+    if wrap is not None and (at := np.flatnonzero(steps < -0.5 * wrap)).size:
+        for i in at:
+            time[i + 1 :] += wrap
+        what = "midnight passes" if wrap == 86400.0 else f"the counter of the time begins anew after {wrap:.10g} s"
+        remarks.append(f"{what}{' before' + table.place(int(at[0]) + 1).removeprefix(',')}; the time goes on")
+        steps = np.diff(time)
+    kept = np.arange(len(time))
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    same = steps == 0.0
+    if strict and not (steps > 0.0).all():
+        raise _not_later(time, int(np.argmin(steps > 0.0)), label, table, where)
+    if (same if alike is None else same & ~alike[1:]).mean() > SHARED and usual > 0.0:
+        # Stamps of a coarse clock: samples of one stamp lie evenly up to the next.
+        first = np.flatnonzero(np.r_[True, ~same])
+        ends = np.r_[time[first][1:], time[first][-1] + usual]
+        for begin, end, until in zip(first.tolist(), [*first[1:].tolist(), len(time)], ends, strict=True):
+            if until > time[begin]:
+                time[begin:end] = np.linspace(time[begin], until, end - begin, endpoint=False)
+        remarks.append("several samples have one time; they are spread evenly up to the next")
+        steps = np.diff(time)
+    elif same.any():
+        kept = kept[np.r_[True, ~same]]
+        numbers = [i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(np.r_[False, same]).tolist()]
+        remarks.append(rows_left_out(numbers, "it has the time of the row before"))
+        time = time[kept]
+        steps = np.diff(time)
+    runs: list[dict[str, float]] = []
+    back = np.flatnonzero(steps < 0.0)
+    anew = [int(i) for i in back if time[i + 1] - time[0] <= 0.1 * (time[: i + 1].max() - time[0])]
+    if back.size and len(anew) == len(back):
+        begins = [0, *(i + 1 for i in anew), len(time)]
+        said = [table.place(int(kept[i]) + 1).removeprefix(", ") for i in begins[1:-1]]
+        for begin, end in zip(begins, begins[1:], strict=False):
+            began = float(time[begin])
+            if begin:
+                time[begin:end] += time[begin - 1] + usual - began
+            runs.append({"start": float(time[begin]), "end": float(time[end - 1]), "began": began})
+        shown = ", ".join(said[:4]) + (", .." if len(said) > 4 else "")
+        remarks.append(
+            f"the time begins anew in {shown}: {len(runs)} runs, one after another on one clock (Recording.runs)"
+        )
+    elif back.size:
+        order = np.argsort(time, kind="stable")
+        first = np.r_[True, np.diff(time[order]) > 0.0]
+        kept, time = kept[order][first], time[order][first]
+        remarks.append(
+            f"{len(back)} samples stand out of their order, the first in "
+            f"{table.place(int(back[0]) + 1).removeprefix(', ')}; they are put in order"
+        )
+    return MendedClock(time, kept if len(kept) < count or (np.diff(kept) != 1).any() else None, runs, remarks)
+
+
+def find_gaps(time: np.ndarray, label: str, table: ForeignTable, strict: bool, where: str) -> list[str]:
+    """A line for the largest gap in the time [s] of a text table; refused where `strict`."""
+    steps = np.diff(time)
+    if table.rows is None or len(steps) < 2:
+        return []
+    usual = float(np.median(steps))
+    # Stamps are decimals: an interval of three times the median may be a bit longer in binary.
+    if steps.max() <= LARGEST_GAP * usual * (1.0 + 1e-9) + 4.0 * np.spacing(np.abs(time).max()):
+        return []
+    i = int(steps.argmax())
+    if not strict:
+        count = int((steps > LARGEST_GAP * usual).sum())
+        several = f", the largest of {count}" if count > 1 else ""
+        return [f"gap of {steps[i]:.6g} s before{table.place(i + 1)[1:]}{several}; the usual interval is {usual:.6g} s"]
+    most = f"{LARGEST_GAP:g} times the usual interval, {LARGEST_GAP * usual:.6g} s"
+    problem = f"must be at most {most}, after the row before, got {steps[i]:.6g} s at {time[i + 1]:.6g} s; is it a gap?"
+    raise InputError(f"{label}{table.place(i + 1)}", None, problem, where=where)
+
+
+def is_date(values: np.ndarray) -> bool:
+    """Whether values are dates, or cells in words that are."""
+    if values.dtype.kind != "O":
+        return values.dtype.kind == "M"
+    filled = next((str(cell).strip() for cell in values if str(cell).strip()), "")
+    return not is_number(filled) and len(parse_dates([filled])) == 1
+
+
+_FRACTION = re.compile(r":\d\d\.\d")
+_DATE_FORMATS = (
+    "%d.%m.%Y %H:%M:%S",
+    "%d.%m.%y %H:%M:%S",
+    "%m/%d/%Y %H:%M:%S",
+    "%d/%m/%Y %H:%M:%S",
+    "%Y/%m/%d %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p",
+    "%d/%m/%Y %I:%M:%S %p",
+    "%d.%m.%Y",
+    "%m/%d/%Y",
+    "%d/%m/%Y",
+    "%H:%M:%S",
+    "%I:%M:%S %p",
+    "%H:%M",
+)
+
+
+def parse_dates(cells: Sequence[str]) -> np.ndarray:
+    """Cells as dates (n,) datetime64[us], by the first way of writing that fits all; empty where none does."""
+    plain = [cell.replace(",", ".") for cell in cells]
+
+    def iso(cell: str) -> datetime:
+        return datetime.fromisoformat(cell).replace(tzinfo=None)
+
+    def written(form: str) -> Callable[[str], datetime]:
+        return lambda cell: datetime.strptime(cell, form.replace("%S", "%S.%f") if _FRACTION.search(cell) else form)
+
+    for parse_cell in (iso, *map(written, _DATE_FORMATS)):
+        try:
+            return np.array([parse_cell(cell) for cell in plain], "datetime64[us]")
+        except ValueError:
+            continue
+    return np.empty(0, "datetime64[us]")

@@ -1,0 +1,95 @@
+"""Cautions begin where they say: nothing up to an end, beyond it one sentence of value, end and parameter."""
+
+import math
+
+import pytest
+
+import mckibben as mk
+from mckibben.errors import InputError
+from mckibben.muscles import plausible
+from mckibben.quantities import usual_units, with_unit
+from mckibben.slips import USUAL_SIZES, size_caution
+
+NYLON = mk.muscle("nylon")
+LONGEST = 0.2
+MEASURED = mk.muscle("DMSP-10-250")  # its file states measured lengths and pressures
+
+
+def measured(name: str) -> float:
+    return MEASURED.specimen.property_si(name, "m" if "length" in name else "Pa")
+
+
+def of_span(value: float):
+    return next(iter(plausible.span_cautions(value, NYLON.law, NYLON.rest_length)), None)
+
+
+LAW_ENDS = float(NYLON.law.length_range()[1])
+# what is asked, the end up to which nothing is said, the side of it where something is, and words of the sentence
+ENDS = {
+    "stretched": (lambda x: plausible.stretch_caution(x, LONGEST), LONGEST, 1, "longest of this muscle's law, 20 cm"),
+    "too long": (lambda x: plausible.length_caution(x, LONGEST), 3.0 * LONGEST, 1, "about 10 cm to 20 cm"),
+    "too short": (lambda x: plausible.length_caution(x, LONGEST), LONGEST / 3.0, -1, "about 10 cm to 20 cm"),
+    "pressure of any muscle": (plausible.pressure_caution, plausible.HIGHEST_PRESSURE, 1, "at most 10 bar"),
+    "pressure that inflates nothing": (
+        lambda x: plausible.pressure_caution(x, text=repr(x)), plausible.LEAST_PRESSURE, -1, "inflates no muscle; was",
+    ),
+    "measured pressure": (
+        lambda x: plausible.pressure_caution(x, MEASURED.specimen), 1.02 * measured("highest_measured_pressure"), 1,
+        f"up to {with_unit(measured('highest_measured_pressure'), 'Pa', 3)}",
+    ),
+    "longest measured length": (
+        lambda x: plausible.measured_length_caution([0.22, x], MEASURED.specimen),
+        1.02 * measured("longest_measured_length"), 1, "beyond the measured ones",
+    ),
+    "shortest measured length": (
+        lambda x: plausible.measured_length_caution([0.22, x], MEASURED.specimen),
+        0.98 * measured("shortest_measured_length"), -1, "beyond the measured ones",
+    ),
+    "start pressure": (lambda x: plausible.start_pressure_caution(x, 1e5, text=""), 0.0, -1, "below that of the room"),
+    "long span": (of_span, 1.02 * LAW_ENDS, 1, f"beyond {with_unit(LAW_ENDS, 'm')}"),
+    "slack span": (of_span, 0.5 * LAW_ENDS, -1, f"less than {with_unit(0.5 * LAW_ENDS, 'm')}"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_nothing_is_said_up_to_an_end_and_one_sentence_beyond(name):
+    ask, end, side, words = ENDS[name]
+    room = max(abs(end), 1.0) if end == 0.0 else abs(end)
+    inside, beyond = end - 1e-6 * side * room, end + 1e-6 * side * room
+    assert ask(inside) is None
+    said = ask(beyond)
+    assert said is not None and words in str(said) and said.parameter
+    assert ask(math.nextafter(end, -side * math.inf)) is None  # up to the last bit
+
+
+@pytest.mark.parametrize("beyond", [1e-1, 1e-5, 1e-8, 1e-15])
+def test_a_sentence_never_shows_two_different_lengths_as_one(beyond):
+    shown = str(plausible.stretch_caution(LONGEST * (1.0 + beyond), LONGEST))
+    assert with_unit(LONGEST, "m") in shown and shown.count(f" {with_unit(LONGEST, 'm')}") == 1
+
+
+def test_no_gauge_pressure_is_below_vacuum_and_no_span_outside_what_a_braid_can_take():
+    for pressure in (-1e5, -2e5, math.nan):
+        with pytest.raises(InputError, match="above vacuum, -1 bar"):
+            plausible.start_pressure_caution(pressure, 1e5, text="")
+    assert plausible.start_pressure_caution(-99999.0, 1e5, text="") is not None
+    least, most, _ = plausible.span_limits(NYLON.law)
+    for span in (math.nextafter(least, 0.0), math.nextafter(most, 1.0), math.nan):
+        with pytest.raises(InputError, match="span must be from 1 mm to"):
+            of_span(span)
+    assert of_span(least) is not None and of_span(most) is not None
+
+
+@pytest.mark.parametrize("unit", USUAL_SIZES)
+def test_usual_sizes_have_their_ends_and_beyond_them_a_unit_is_asked_for(unit):
+    low, typical, high = USUAL_SIZES[unit]
+    for value in (0.0, low, typical, high, -low, -high):
+        assert size_caution(value, unit) is None
+    for value in (0.99 * low, 1.01 * high, -1.01 * high):
+        said = size_caution(value, unit, name="width")
+        assert said is not None and said.parameter == "width" and "a width of" in str(said)
+    # the number of a usual value in another unit, taken for one in SI: it is asked for, unless the number is usual as well
+    for other in usual_units(unit):
+        number = typical / mk.quantities.to_si(1.0, other, unit, field="") if other != "in" else typical
+        said = size_caution(number, unit)
+        assert said is None or f"; was {number:g}" in str(said)

@@ -1,0 +1,210 @@
+"""Single mutations drawn by a seed, each against the tests beside it: `python tests/mutations.py SEED`.
+
+A mutation is drawn before anybody looks at it: a room, a function of it, a kind of mutation, and its place. It is made in a
+copy of the sources, so that the working tree stays as it is. One that changes nothing that can be observed is left out
+by its number (`--leave-out`), and one more is drawn in its place: say which and why.
+"""
+
+import argparse
+import ast
+import itertools
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mutations_beside import GUARDS_TESTS, PHYSICS_TESTS, SOFTWARE_TESTS
+
+ROOT = Path(__file__).parents[1]
+SOURCES = ROOT / "src" / "mckibben"
+ROOMS = {"physics": PHYSICS_TESTS, "software": SOFTWARE_TESTS, "guards": GUARDS_TESTS}
+SHARES = ("physics", "software", "guards", "physics", "software", "guards", "physics")  # of a round, in turn
+LIMIT, MOST = 60.0, 150.0  # for a file of tests, and for all those of a mutation [s of processor time]
+TURNED: dict[type, str] = {
+    ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
+    ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
+}  # fmt: skip
+OTHER: dict[type, str] = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"}
+PASSED = ast.Raise | ast.JoinedStr | ast.FunctionDef | ast.ClassDef  # words, and what has its own turn
+CLAMPS = {"minimum": "maximum", "maximum": "minimum", "min": "max", "max": "min"}
+
+
+class Mutation(NamedTuple):
+    room: str
+    file: str  # below the root
+    line: int
+    kind: str
+    start: int  # bytes of the source that are replaced
+    end: int
+    new: str
+    tests: tuple[str, ...]
+
+
+def _changes(node: ast.AST, source: Callable[[ast.AST], str]) -> Iterator[tuple[str, ast.AST, str]]:
+    """Yield kind, node and new text of what may be changed at one node."""
+
+    match node:
+        case ast.BinOp(left, op, right) if type(op) in OTHER and not re.search("[\"'\\[]", source(node)):
+            yield "operator", node, f"({source(left)}) {OTHER[type(op)]} ({source(right)})"
+            if isinstance(op, ast.Add | ast.Sub):
+                yield "dropped term", node, f"({source(left)})"
+        case ast.Compare(left, [op], [right]):
+            yield "comparison", node, f"({source(left)}) {TURNED[type(op)]} ({source(right)})"
+            if isinstance(op, ast.Lt | ast.LtE) and "len(" in source(node):
+                yield (
+                    "off by one",
+                    node,
+                    f"({source(left)}) {'<=' if isinstance(op, ast.Lt) else '<'} ({source(right)})",
+                )
+        case ast.BoolOp(op, values):
+            word = " or " if isinstance(op, ast.And) else " and "
+            yield "and/or", node, "(" + word.join(f"({source(value)})" for value in values) + ")"
+        case ast.UnaryOp(ast.Not() | ast.USub(), operand):
+            yield "sign", node, f"({source(operand)})"
+        case ast.Constant(bool()):
+            return
+        case ast.Constant(float(value)):
+            yield "constant", node, repr(2.0 * value if value else 1.0)
+        case ast.Constant(int(value)):
+            yield "off by one", node, repr(value + 1)
+        case ast.Call(function, [first, second, *_]):
+            name = source(function).rpartition(".")
+            if name[2] in CLAMPS:
+                yield "clamp", function, name[0] + name[1] + CLAMPS[name[2]]
+                yield "dropped clamp", node, f"({source(first)})"
+            elif isinstance(first, ast.Name) and isinstance(second, ast.Name) and name[2] != "isinstance":
+                yield "swapped arguments", first, second.id
+        case ast.If(test, [ast.Raise() | ast.Return()], []):
+            yield "dropped guard", test, "False"
+        case ast.Expr(ast.Call()):
+            yield "dropped statement", node, "pass"
+
+
+def _nodes(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield what runs, without annotations, words and functions inside."""
+    yield node
+    for field, value in ast.iter_fields(node):
+        if field in ("annotation", "returns", "decorator_list", "msg"):
+            continue
+        for part in value if isinstance(value, list) else [value]:
+            if isinstance(part, ast.AST) and not isinstance(part, PASSED):
+                yield from _nodes(part)
+
+
+def mutations(room: str, file: str, tests: tuple[str, ...]) -> list[dict[str, list[Mutation]]]:
+    """Return for each function of a file what may be changed in it, by kind."""
+    text = (ROOT / file).read_bytes()
+    starts = [0, *itertools.accumulate(len(row) for row in text.splitlines(keepends=True))]
+
+    def place(node: Any) -> tuple[int, int]:
+        return starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
+
+    def source(node: ast.AST) -> str:
+        return text[slice(*place(node))].decode()
+
+    functions = []
+    for function in ast.walk(ast.parse(text)):
+        if not isinstance(function, ast.FunctionDef) or function.name in ("__repr__", "__str__"):
+            continue
+        kinds: dict[str, list[Mutation]] = {}
+        for node in _nodes(function):
+            for kind, part, new in _changes(node, source):
+                kinds.setdefault(kind, []).append(Mutation(room, file, part.lineno, kind, *place(part), new, tests))
+        if kinds:
+            functions.append(kinds)
+    return functions
+
+
+def draw(seed: int, count: int, rooms: tuple[str, ...] = SHARES) -> list[Mutation]:
+    """Draw mutations, no two in one function."""
+    chance = random.Random(seed)
+    pools = {
+        room: [
+            kinds
+            for place, tests in ROOMS[room].items()
+            for file in (sorted((SOURCES / place).rglob("*.py")) if place.endswith("/") else [SOURCES / place])
+            for kinds in mutations(
+                room, file.relative_to(ROOT).as_posix(), tuple(f"tests/{test}" for test in tests.split())
+            )
+        ]
+        for room in sorted(set(rooms))
+    }
+    for pool in pools.values():
+        chance.shuffle(pool)
+    drawn = []
+    for number in range(count):
+        kinds = pools[rooms[number % len(rooms)]].pop()
+        drawn.append(chance.choice(kinds[chance.choice(sorted(kinds))]))
+    return drawn
+
+
+def apply(one: Mutation, tree: Path) -> str:
+    """Make the mutation in a copy of the sources and return its line after it."""
+    source = (ROOT / one.file).read_bytes()
+    changed = source[: one.start] + one.new.encode() + source[one.end :]
+    (tree / one.file).write_bytes(changed)
+    return changed.decode().splitlines()[one.line - 1].strip()
+
+
+def run(one: Mutation, tree: Path, wrapper: list[str]) -> str:
+    """Run the tests beside a mutation and return which one caught it."""
+    packages = [tree / "src", *(tree / "packages").glob("*/src")]
+    words = [*wrapper, sys.executable, *"-m pytest -x -n 0 --tb=line -rfE -m".split(), "not slow"]
+    process = subprocess.Popen(
+        ["bash", "-c", f'ulimit -t {min(MOST, LIMIT * len(one.tests)):.0f}; exec "$@"', "-", *words, *one.tests],
+        cwd=tree, env={**os.environ, "PYTHONPATH": ":".join(map(str, packages))},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        out, _ = process.communicate(timeout=4.0 * MOST)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        out, _ = process.communicate()
+    caught = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", out, re.M)
+    if process.returncode == 0:
+        return "SURVIVED"
+    return f"caught by {caught[1]}" if caught else f"NO ANSWER ({process.returncode}) {out[-150:]!r}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--leave-out", type=int, nargs="*", default=[], metavar="N")
+    parser.add_argument("--only", type=int, nargs="*", metavar="N")
+    parser.add_argument("--list", action="store_true", help="say what was drawn, and run nothing")
+    parser.add_argument("--room", choices=ROOMS)
+    parser.add_argument("--wrapper", default="", help="words before the command of the tests")
+    words = parser.parse_args()
+    drawn = draw(words.seed, words.count + len(words.leave_out), (words.room,) if words.room else SHARES)
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder)
+        for path in ROOT.iterdir():
+            if path.name in ("src", "packages"):
+                shutil.copytree(path, tree / path.name, ignore=shutil.ignore_patterns("__pycache__"))
+            elif path.name != ".git":
+                (tree / path.name).symlink_to(path)
+        caught = run_all = 0
+        for number, one in enumerate(drawn, 1):
+            if number in words.leave_out or (words.only and number not in words.only):
+                continue
+            before = (ROOT / one.file).read_bytes()
+            after = apply(one, tree)
+            old = before[one.start : one.end].decode().splitlines()[0]
+            result = "" if words.list else run(one, tree, words.wrapper.split())
+            (tree / one.file).write_bytes(before)
+            caught, run_all = caught + result.startswith("caught"), run_all + 1
+            words_of = f"{one.kind}: {old}  ->  {after}"
+            print(number, one.room, f"{one.file}:{one.line}", words_of, result, sep="\t", flush=True)
+    print(f"{caught} of {run_all} caught")
+
+
+if __name__ == "__main__":
+    main()
