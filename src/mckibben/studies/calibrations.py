@@ -205,7 +205,7 @@ def _opened(
         yield CalibrationSession(source=simulated, ask=person, **stated), rig
         return
     if machine is None:
-        raise InputError("machine", None, "is missing: give {machine} MACHINE or {simulate}")
+        raise InputError("machine", None, "is missing: give {machine} MACHINE or {simulate=True}")
     if ask is None:
         raise InputError("ask", None, "is missing: a function that has an operator set each point")
     hardware.backends.check_connection(machine)

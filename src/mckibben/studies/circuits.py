@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
 FREQUENCIES = 200  # at which a response is given
 ROWS = 10  # of them that a person is shown
-FLOWS = {"kg/s": "g/s", "kg": "g"}  # units in which a person reads those of gas
 UNITS = {"pressure_abs": "Pa", "pressure": "Pa", "mass_flow": "kg/s", "mass": "kg", "temperature": "K", "length": "m"}
 
 
@@ -204,7 +203,7 @@ class CircuitRecording(Answer):
             numbers, span = ("min", "max", "mean", "final"), max(abs(s["min"]), abs(s["max"]))
             # what is nothing but rounding is shown as nothing
             s |= {key: 0.0 for key in numbers if abs(s[key]) < 1e-9 * span}
-            rows.append({"channel": name} | description.shown_numbers(s, numbers, FLOWS.get(s["unit"])))
+            rows.append({"channel": name} | description.shown_numbers(s, numbers, description.FLOWS.get(s["unit"])))
         shown = (Column(key, right=True) for key in ("min", "max", "mean", "final"))
         return [Table(str(self.recording.meta["title"]), (Column("channel"), *shown, Column("unit")), rows)]
 
