@@ -8,7 +8,7 @@ BIN    := $(VENV)/Scripts
 endif
 RUN    := $(BIN)/python -m
 WORKERS ?= 2
-PACKAGES := packages/lanewise packages/mckibben-benchmark packages/mckibben-hosts packages/mckibben-papers
+PACKAGES := packages/lanewise packages/mckibben-benchmark packages/mckibben-hardware packages/mckibben-hosts packages/mckibben-papers
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
 .PHONY: demo plan wheel test slow validation lint docs firmware bench lock clean help
@@ -47,6 +47,7 @@ wheel: $(VENV)/.run ## Build wheels and source archives of all packages; call ev
 
 test: lint ## Run the whole suite
 	$(RUN) pytest -n $(WORKERS) -m "not slow" tests packages/lanewise/tests
+	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hardware/tests
 	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hosts/tests
 	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-benchmark/tests
 	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-papers/tests
@@ -72,9 +73,9 @@ docs: $(VENV)/.docs ## Build the documentation; its examples are executed
 	$(BIN)/python docs/build.py
 
 firmware: ## Build the firmware for Arduino Uno and STM32F405, and their emulators (the Debian packages: CONTRIBUTING.md)
-	@if command -v avr-gcc >/dev/null; then $(MAKE) -C firmware uno emulator; \
+	@if command -v avr-gcc >/dev/null; then $(MAKE) -C packages/mckibben-hardware/firmware uno emulator; \
 	  else echo "No avr-gcc: the Arduino Uno is left out (Debian: gcc-avr avr-libc libsimavr-dev)."; fi
-	@if command -v arm-none-eabi-gcc >/dev/null; then $(MAKE) -C firmware stm32f405 emulator-stm32f405; \
+	@if command -v arm-none-eabi-gcc >/dev/null; then $(MAKE) -C packages/mckibben-hardware/firmware stm32f405 emulator-stm32f405; \
 	  else echo "No arm-none-eabi-gcc: the STM32F405 is left out (Debian: gcc-arm-none-eabi libnewlib-arm-none-eabi)."; fi
 
 lock: $(VENV)/.test ## Pin the versions anew

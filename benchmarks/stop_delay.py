@@ -21,10 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.microcontroller import in_process
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
+from mckibben_hardware.serial_line.device import About
+from mckibben_hardware.serial_line.microcontroller import in_process
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 ARGUMENTS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]

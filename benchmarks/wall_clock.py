@@ -15,14 +15,14 @@ import time
 from pathlib import Path
 
 from mckibben.bench.hardware.backends import connected
-from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.microcontroller import in_process
 from mckibben.bench.hardware.simulated import SimulatedMachine
 from mckibben.bench.prepare import PreparedRun, prepare
 from mckibben.bench.run import run
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.read import protocol
 from mckibben.recordings import Recording
+from mckibben_hardware.serial_line.device import About
+from mckibben_hardware.serial_line.microcontroller import in_process
 
 
 def bench_of(rate: float, seconds: float) -> PreparedRun:

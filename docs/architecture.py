@@ -195,7 +195,7 @@ RUN: dict[str, tuple[str, str, float, int, float]] = {
     "bench.hardware.interface": ("bench.hardware.interface", "Hardware: counts of sensors, valve and motor", 0, 5, 2),
     "recordings.recording": ("recordings.recording", "Recording: channels, metadata", 2, 5, 1),
     "bench.hardware.simulated": ("bench.hardware.simulated", "assembly, engine, lanewise", 0, 6, 1),
-    "bench.hardware.serial_line": ("bench.hardware.serial_line, .daq", "and other backends by entry point", 1, 6, 1),
+    "bench.hardware.backends": ("bench.hardware.backends", "real machines by name, of mckibben-hardware", 1, 6, 1),
     "recordings.files": ("recordings.files", "formats: .nc, .csv, .mcap, ..", 2, 6, 1),
 }
 RUN_ARROWS = (
@@ -209,7 +209,7 @@ RUN_ARROWS = (
     ("bench.sample_loop", "bench.recorder"),
     ("bench.sample_loop", "bench.hardware.interface"),
     ("bench.hardware.interface", "bench.hardware.simulated"),
-    ("bench.hardware.interface", "bench.hardware.serial_line"),
+    ("bench.hardware.interface", "bench.hardware.backends"),
     ("bench.recorder", "recordings.recording"),
     ("recordings.recording", "recordings.files"),
 )

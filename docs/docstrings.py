@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 # Names whose examples simulate or compute for seconds; the page of the reference runs them, the test suite does not.
-LONG = ("Session", "Simulation", "circuit", "compare", "prepare", "reproduce", "run", "size")
+LONG = ("Session", "Simulation", "circuit", "compare", "diagnose", "prepare", "reproduce", "run", "size")
 
 
 def names() -> list[str]:

@@ -126,7 +126,6 @@ def _dependencies_digest() -> bytes:
         ("src", None),
         ("packages", None),
         ("examples", None),
-        ("firmware", None),
         ("docs", {".py"}),
     ):
         for path in sorted((ROOT / folder).rglob("*")):

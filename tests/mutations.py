@@ -7,18 +7,26 @@ by its number (`--leave-out`), and one more is drawn in its place: say which and
 
 import argparse
 import ast
+import contextlib
 import itertools
 import os
 import random
 import re
+import resource
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import hypothesis  # noqa: F401  of the tests, as are the next ones
+import jax.numpy  # noqa: F401
+import pytest
+import scipy.optimize  # noqa: F401
+import scipy.stats  # noqa: F401
 
 from mutations_beside import GUARDS_TESTS, PHYSICS_TESTS, SOFTWARE_TESTS
 
@@ -153,24 +161,47 @@ def apply(one: Mutation, tree: Path) -> str:
     return changed.decode().splitlines()[one.line - 1].strip()
 
 
-def run(one: Mutation, tree: Path, wrapper: list[str]) -> str:
-    """Run the tests beside a mutation and return which one caught it."""
-    packages = [tree / "src", *(tree / "packages").glob("*/src")]
-    words = [*wrapper, sys.executable, *"-m pytest -x -n 0 --tb=line -rfE -m".split(), "not slow"]
-    process = subprocess.Popen(
-        ["bash", "-c", f'ulimit -t {min(MOST, LIMIT * len(one.tests)):.0f}; exec "$@"', "-", *words, *one.tests],
-        cwd=tree, env={**os.environ, "PYTHONPATH": ":".join(map(str, packages))},
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
-    )  # fmt: skip
+def _tested(one: Mutation, tree: Path, said: Path) -> int:
+    os.setsid()
+    limit = int(min(MOST, LIMIT * len(one.tests)))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    os.chdir(tree)
+    descriptor = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(descriptor, 1)
+    os.dup2(descriptor, 2)
+    own = [str(tree / "src"), *(str(path) for path in (tree / "packages").glob("*/src"))]
+    sys.path[:0], os.environ["PYTHONPATH"] = own, os.pathsep.join(own)
     try:
-        out, _ = process.communicate(timeout=4.0 * MOST)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        out, _ = process.communicate()
-    caught = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", out, re.M)
-    if process.returncode == 0:
+        return int(
+            pytest.main(
+                [
+                    *"-x -n 0 --tb=line -rfE -W ignore::pytest.PytestAssertRewriteWarning -m".split(),
+                    "not slow",
+                    *one.tests,
+                ]
+            )
+        )
+    except BaseException:
+        traceback.print_exc()
+        raise
+
+
+def run(one: Mutation, tree: Path) -> str:
+    """Run the tests beside a mutation, in a process that has imported the libraries, and return which one caught it."""
+    said = tree / "said.txt"
+    child = os.fork()
+    if not child:
+        code = 3
+        with contextlib.suppress(BaseException):
+            code = _tested(one, tree, said)
+        os._exit(code)
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    with contextlib.suppress(ProcessLookupError):  # what a test has left behind
+        os.killpg(child, signal.SIGKILL)
+    caught = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said.read_text(), re.M)
+    if status == 0:
         return "SURVIVED"
-    return f"caught by {caught[1]}" if caught else f"NO ANSWER ({process.returncode}) {out[-150:]!r}"
+    return f"caught by {caught[1]}" if caught else f"NO ANSWER ({status}) {said.read_text()[-150:]!r}"
 
 
 def main() -> None:
@@ -181,7 +212,6 @@ def main() -> None:
     parser.add_argument("--only", type=int, nargs="*", metavar="N")
     parser.add_argument("--list", action="store_true", help="say what was drawn, and run nothing")
     parser.add_argument("--room", choices=ROOMS)
-    parser.add_argument("--wrapper", default="", help="words before the command of the tests")
     words = parser.parse_args()
     drawn = draw(words.seed, words.count + len(words.leave_out), (words.room,) if words.room else SHARES)
     with tempfile.TemporaryDirectory() as folder:
@@ -198,7 +228,7 @@ def main() -> None:
             before = (ROOT / one.file).read_bytes()
             after = apply(one, tree)
             old = before[one.start : one.end].decode().splitlines()[0]
-            result = "" if words.list else run(one, tree, words.wrapper.split())
+            result = "" if words.list else run(one, tree)
             (tree / one.file).write_bytes(before)
             caught, run_all = caught + result.startswith("caught"), run_all + 1
             words_of = f"{one.kind}: {old}  ->  {after}"

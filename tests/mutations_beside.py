@@ -57,7 +57,7 @@ SOFTWARE_TESTS = {
     "bench/software/controllers.py": "bench/test_controllers.py bench/test_joint.py",
     "bench/software/sequencer.py": "bench/test_manual.py bench/test_sample_loop.py bench/test_run.py",
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
-    "bench/recorder.py": "bench/test_recorder.py bench/test_run.py cli/test_full_disk.py",
+    "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
     "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py bench/daq/test_daq_wiring.py",
     "recordings/recording.py": "recordings/test_recording.py analysis/test_segments.py",
@@ -83,7 +83,7 @@ SOFTWARE_TESTS = {
     "quantities.py": "test_quantities.py habits/test_values_of_people.py",
     "answers.py": "test_answers.py test_contract_of_verbs.py test_verbs.py",
     "estimation.py": "test_estimation.py identification/test_ranking.py",
-    "experiments/waveforms/": "experiments/test_waveforms.py experiments/test_stimulus_trains.py",
+    "experiments/waveforms/": "experiments/test_waveforms.py experiments/test_protocols.py",
     "experiments/amounts.py": "experiments/test_protocols.py",
     "experiments/protocol.py": "experiments/test_protocols.py",
 }

@@ -2,12 +2,13 @@
 
 import math
 import warnings
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from mckibben.answers import FEW, SHOWN, Answer, Caution, Column, Table, brief, collect, named, warn
+from mckibben.answers import FEW, SHOWN, Answer, Caution, Column, Table, brief, collect, estimates, named, warn
 from mckibben.errors import PlausibilityWarning
 
 PRESSURE = Column("pressure", unit="Pa", places="")
@@ -106,3 +107,30 @@ class Shown(NamedTuple):
 )
 def test_a_representation_is_one_line_however_much_it_holds(value: object, text: str) -> None:
     assert brief(Shown(value)) == f"Shown(value={text})"
+
+
+def test_estimates_have_intervals_unless_something_else_is_said_of_all() -> None:
+    one = SimpleNamespace(value=1.0, low=0.5, high=2.0, unit="N")
+    said = (None, {"a": "at a bound"}, {"a": "x", "b": "y"})
+    whole, some, none = (estimates("t", {"a": one, "b": one}, more=more) for more in said)
+    assert whole.heads == ["parameter", "value", "95 %: from", "to"]
+    assert whole.cells()[0] == ["a", "1 N", "0.5 N", "2 N"]
+    assert some.heads == [*whole.heads, ""] and some.cells() == [
+        ["a", "1 N", "", "", "at a bound"],
+        ["b", "1 N", "0.5 N", "2 N", ""],
+    ]
+    assert none.heads == ["parameter", "value", ""] and none.cells()[1] == ["b", "1 N", "y"]
+
+
+def test_the_columns_of_unlike_rows_are_those_of_the_first() -> None:
+    class Unlike(Answer):
+        def rows(self):
+            return [{"a": 1}, {"a": 2, "b": 3}]
+
+    assert Unlike().data() == {"a": [1, 2]}
+    assert "<svg" not in Unlike()._repr_html_()
+
+
+def test_few_entries_of_a_mapping_are_shown_and_more_are_counted() -> None:
+    assert brief(Shown({i: i for i in range(FEW)})) == "Shown(value={0: 0, 1: 1, 2: 2})"
+    assert brief(Shown({i: i for i in range(FEW + 1)})) == "Shown(value=4 entries)"

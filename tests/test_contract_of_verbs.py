@@ -1,7 +1,6 @@
 """What every verb keeps, whatever it computes: its faces say the same, and each parameter is declared, told and refused."""
 
 import html
-import importlib
 import json
 import math
 import os
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mckibben import verbs
-from mckibben.cli import _values, calibrate, main, verb_commands
+from mckibben.cli import _values, main, verb_commands
 from mckibben.cli._terminal import json_text
 from mckibben.cli._verb import VerbCommand
 from mckibben.cli.app import COMMANDS as EVERY
@@ -19,9 +18,9 @@ from mckibben.registry import PACKAGES, plugins
 
 CIRCUITS = Path(__file__).parents[1] / "examples" / "circuits"
 DECLARED = {
-    words: getattr(importlib.import_module(f"mckibben.cli.{place.partition(':')[0]}"), place.partition(":")[2])
+    words: getattr(verb_commands, place.partition(":")[2])
     for words, (place, _) in EVERY.items()
-    if place.partition(":")[0] in ("verb_commands", "calibrate")
+    if place.startswith("verb_commands:")
 }
 # By the words that ask a verb; a command of several verbs asks each by other words.
 COMMANDS = {words: one for words, one in DECLARED.items() if isinstance(one, VerbCommand)}
@@ -43,13 +42,6 @@ ASKED = {
     "circuit run": f"{CIRCUITS / 'filling-a-tank.toml'} --set run.duration=0.2s",
     "circuit frequency": f"{CIRCUITS / 'muscle-behind-a-tube.toml'} --input regulator.pressure --output muscle.pressure_abs",
     "circuit fit": "no.toml no.nc",
-    "calibrate zero": "--rig modern --simulate --channels valve_pressure",
-    "calibrate weights": "--rig modern --simulate --samples 100 --masses 0kg,5kg",
-    "calibrate pressure": "--rig modern --simulate --samples 100 --pressures 0bar,3bar",
-    "calibrate encoder": "--rig paper --simulate --travels 0mm,50mm",
-    "calibrate skew": "--rig modern --simulate --samples 1000",
-    "calibrate show": "no.toml",
-    "calibrate apply": "no.nc --off --out no.csv",
     "joint": "--command flexor=0.1 --duration 0.02s",
     "sweep": f"{CIRCUITS.parent / 'sweeps' / 'tube-and-threshold.toml'} --out sweep --dry-run",
     "tension": "nylon --length 11:12:0.5cm --pressure 5bar",
@@ -109,14 +101,12 @@ def ask(capsys, monkeypatch):
 def test_every_verb_has_a_command_and_is_asked_here():
     assert set(ASKED) == set(COMMANDS)
     named = [one for name, one in COMMANDS.items() if EVERY.get(name, ("",))[0] not in PACKAGES]
-    made = (one for module in (verb_commands, calibrate) for one in vars(module).values())
-    assert len(named) == sum(isinstance(one, VerbCommand) for one in made)
+    assert len(named) == sum(isinstance(one, VerbCommand) for one in vars(verb_commands).values())
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("mckibben.recordings.provenance.created", lambda: "2026-03-31T12:00:00+00:00")
     times = [0.01 * i for i in range(600)]
     lines = [f"{t},{100.0 + math.sin(t * t)},{30.0 + 5.0 * math.sin(t * t - 0.1)}" for t in times]
     (tmp_path / "pull.csv").write_text("\n".join(["time [s],length,force", *lines]), encoding="utf-8")

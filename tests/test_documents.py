@@ -14,6 +14,7 @@ from mckibben.documents import (
     DEEPEST,
     ErrorKeepingFile,
     editable_toml,
+    no_file,
     parse_json,
     parse_toml,
     read_text,
@@ -192,3 +193,29 @@ def test_a_file_that_keeps_its_error_reads_back_what_was_written_and_zeros_where
     assert bytes(buffer) == (b"ef\0\0\0" if full else b"efghi") + b"\0\0\0"
     file.error = None
     file.close()
+
+
+@pytest.mark.parametrize(
+    ("number", "sound"), [(2**63 - 1, True), (-(2**63), False), (2**63, False), (10**400, False), (5, True)]
+)
+def test_whole_numbers_of_more_than_64_bits_are_refused_at_any_depth(number, sound):
+    for text in (f"a = {number}", f"a = [[{number}]]", f"[a.b.c]\nd = {number}"):
+        if sound:
+            parse_toml(text, where="a.toml")
+        else:
+            with pytest.raises(InputError, match=r"a\.toml"):
+                parse_toml(text, where="a.toml")
+
+
+def test_a_number_of_json_may_have_three_hundred_digits_and_no_more():
+    assert parse_json("[" + "1" * 300 + "]") == [int("1" * 300)]
+    with pytest.raises(ValueError, match="more than 300 digits"):
+        parse_json("[" + "1" * 301 + "]")
+
+
+def test_a_pipe_and_a_folder_are_no_file_and_a_missing_one_is_not_found(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for name, said in (("pipe", "a pipe, socket or device"), ("none.toml", "not found"), ("", "not found")):
+        assert said in str(no_file(tmp_path / name))
+    with pytest.raises(InputError, match="a pipe, socket or device"):
+        read_text(tmp_path / "pipe")

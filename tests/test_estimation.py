@@ -5,17 +5,24 @@ import pytest
 
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.estimation import (
+    NAMED,
     Estimation,
     Parameter,
+    PartialFit,
     Search,
+    akaike,
     at_bounds,
     bounds_of,
     conclude,
     descend,
     descend_in_lanes,
     descend_linear,
+    listed,
     posterior_uncertainty,
+    require_influence,
     require_progress,
+    uncertainty,
+    widening,
 )
 
 TIME = np.linspace(0.0, 3.0, 40)
@@ -110,3 +117,65 @@ def test_a_fit_that_ends_where_it_began_is_refused_unless_it_began_at_a_minimum(
     else:
         with pytest.raises(ConvergenceError, match="The fit of a law ended where it began"):
             require_progress(*arguments, subject="a law")
+
+
+def test_intervals_of_a_straight_line_are_the_textbooks() -> None:
+    """Slope and offset of five points: variances s^2/Sxx and s^2 (1/n + x^2/Sxx), correlation of theirs, Student's t."""
+    x, residual = np.array([0.0, 1.0, 2.0, 4.0, 5.0]), np.array([0.1, -0.2, 0.05, 0.15, -0.1])
+    found = uncertainty(np.stack([x, np.ones(5)], axis=1), residual, ("slope", "offset"))
+    spread, variance = float(((x - x.mean()) ** 2).sum()), float(residual @ residual) / 3.0
+    errors = np.sqrt([variance / spread, variance * (1.0 / 5.0 + x.mean() ** 2 / spread)])
+    np.testing.assert_allclose(found.standard_error, errors, rtol=1e-12)  # a decomposition of condition 10
+    assert found.correlation[0, 1] == pytest.approx(-x.mean() / np.sqrt((x**2).mean()), rel=1e-12)
+    assert found.quantile == pytest.approx(3.182446305284263, rel=1e-9) and found.warnings == ()  # t(3, 0.975), tables
+    one = uncertainty(np.ones((1, 1)), np.array([0.5]), ("a",))  # no degree of freedom is left: that of one
+    assert (one.quantile, one.standard_error[0]) == (pytest.approx(12.706204736174698, rel=1e-9), 0.5)
+
+
+def test_what_data_do_not_hold_or_cannot_tell_apart_is_named_and_has_no_interval() -> None:
+    x = np.linspace(1.0, 2.0, 7)
+    found = uncertainty(np.stack([x, 0.0 * x, 2.0 * x, x**2], axis=1), 0.1 * np.cos(9.0 * x), ("a", "b", "c", "d"))
+    assert np.isinf(found.standard_error).tolist() == [True, True, True, False]
+    assert found.warnings[:2] == ("the data do not contain b", "the data cannot tell a and c apart")
+    with pytest.raises(InputError, match="the data of a law do not depend on it"):
+        require_influence(np.array([[1.0, 0.0]]), ("a", "b"), subject="a law")
+    require_influence(np.eye(2), ("a", "b"), subject="a law")
+
+
+def test_the_criterion_is_akaikes_with_hurvich_and_tsais_correction() -> None:
+    error = np.array([0.1, -0.3, 0.2, 0.5, -0.1, 0.2])
+    plain = 6.0 * np.log(np.mean(error**2)) + 2.0 * 2.0
+    assert akaike(error, 2) == pytest.approx(
+        plain + 2.0 * 2.0 * 3.0 / (6.0 - 2.0 - 1.0), rel=1e-14
+    )  # a logarithm rounds
+    assert akaike(error, 4) < akaike(error, 5) == np.inf
+    assert akaike(0.0 * error, 2, resolution=1e-3) == akaike(1e-3 + 0.0 * error, 2, resolution=1e-6)
+    assert akaike(np.zeros(0), 1) == np.inf
+
+
+def test_errors_widen_by_the_correlation_of_residuals_that_follow_one_another() -> None:
+    assert widening([np.array([1.0, -1.0, 1.0, -1.0])]) == 1.0  # none where they alternate
+    assert widening([np.zeros(3)]) == 1.0 and widening([]) == 1.0
+    one, two = np.array([1.0, 1.0, 1.0]), np.array([2.0, 0.0, 2.0])
+    r = (2.0 + 0.0) / (3.0 + 8.0)
+    assert widening([one, two]) == pytest.approx(np.sqrt((1.0 + r) / (1.0 - r)), rel=1e-14)  # a quotient and a root
+    assert widening([np.ones(10**5)]) == pytest.approx(np.sqrt(1.9999 / 1e-4), rel=1e-9)  # 1 - 0.9999 loses four digits
+
+
+class Halves(PartialFit):
+    train = np.array([True, True, False, False])
+    error = np.array([3.0, -4.0, 1.0, -2.0])
+
+
+def test_errors_of_what_a_fit_saw_and_of_what_it_did_not_are_told_apart() -> None:
+    fit = Halves()
+    assert (fit.rmse(seen=True), fit.rmse(seen=False)) == (np.sqrt(12.5), np.sqrt(2.5))
+    assert (fit.max_error(seen=True), fit.max_error(seen=False)) == (4.0, 2.0)
+    fit.train = np.ones(4, bool)
+    assert np.isnan(fit.rmse(seen=False)) and np.isnan(fit.max_error(seen=False))
+
+
+def test_some_names_are_listed_and_the_others_counted() -> None:
+    names = [str(k) for k in range(NAMED + 2)]
+    assert listed(names[:NAMED]) == ", ".join(names[:NAMED])
+    assert listed(names) == f"{', '.join(names[:NAMED])} and 2 more"

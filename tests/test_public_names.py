@@ -44,10 +44,14 @@ def test_the_import_loads_no_heavy_library():
 
 def test_a_package_that_is_installed_by_itself_hangs_on_the_same_name():
     import mckibben_benchmark
+    import mckibben_hardware
     import mckibben_hosts
     import mckibben_papers
-    from mckibben import benchmark, hosts, papers, reproduce
+    from mckibben import benchmark, hardware, hosts, papers, reproduce
 
+    session = importlib.import_module("mckibben_hardware.calibrate.session")
+    assert mckibben.hardware is hardware is mckibben_hardware
+    assert hardware.CalibrationSession is session.CalibrationSession
     assert mckibben.benchmark is benchmark is mckibben_benchmark.benchmark
     assert mckibben.papers is papers is mckibben_papers and reproduce is mckibben_papers.reproduce
 

@@ -195,22 +195,21 @@ def test_what_is_declared_is_found_by_name_and_what_has_no_value_is_none():
 @pytest.mark.parametrize("value", [0.0, 1e3, [0.0, 1e3], 5])
 def test_bounds_of_a_declaration_are_inclusive(value):
     quantities.check_fields(Declared(stiffness=value))
-    quantities.check_fields(jax.eval_shape(lambda: Declared(stiffness=-1.0)))  # what is traced has no value yet
 
 
 @pytest.mark.parametrize(
     "value", [math.nextafter(0.0, -1.0), math.nextafter(1e3, 2e3), math.nan, math.inf, [1.0, -1.0]]
 )
 def test_what_is_out_of_the_bounds_of_a_declaration_is_refused(value):
-    with pytest.raises(InputError, match="a.toml: stiffness must be between 0 N/m and 1000 N/m"):
-        quantities.check_fields(
-            object.__new__(Declared).__class__(stiffness=0.0).replace(stiffness=value), where="a.toml"
-        )
+    with pytest.raises(InputError, match="stiffness must be between 0 N/cm and 10 N/cm, got"):
+        Declared(stiffness=value)
+    with pytest.raises(InputError, match="a.toml: stiffness must be"):
+        quantities.declared(Declared)["stiffness"].check("stiffness", np.asarray(value), where="a.toml")
 
 
 def test_an_open_end_is_said_as_one():
     assert quantities.declared(Declared)["length"].allowed() == "10 cm or more"
-    assert quantities.declared(Declared)["stiffness"].allowed() == "between 0 N/m and 1000 N/m"
+    assert quantities.declared(Declared)["stiffness"].allowed() == "between 0 N/cm and 10 N/cm"
 
 
 def test_arrays_of_jax_stay_what_they_are_and_all_else_becomes_floats():
@@ -293,9 +292,9 @@ def test_no_size_that_nobody_can_mean_is_taken(text):
 
 
 def test_an_unknown_unit_is_answered_by_the_one_that_is_near():
-    for text, unit, near in (("5 BAR", "Pa", "bar"), ("5 PSI", "Pa", "psi"), ("5 CM", "m", "cm")):
+    for text, unit, near in (("5 Psi", "Pa", "psi"), ("5 CM", "m", "cm")):
         with pytest.raises(InputError, match=f"Did you mean '{near}'"):
             parse(text, unit, field="x")
     with pytest.raises(InputError) as caught:
-        parse("5 PSI", "m", field="x")
+        parse("5 Psi", "m", field="x")
     assert "psi" not in str(caught.value)

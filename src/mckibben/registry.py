@@ -13,7 +13,8 @@ or ``--code``, in Python by `allow_code` or as an argument, or in the environmen
 The groups are ``mckibben.laws``, ``mckibben.frictions``, ``mckibben.valves``, ``mckibben.steps``, ``mckibben.sensors``,
 ``mckibben.models`` and ``mckibben.formats``. Distributions of this repository that are installed by themselves (`PACKAGES`)
 announce commands by ``mckibben.commands``, names of ``import mckibben`` by ``mckibben.names``, pages of the web interface by
-``mckibben.pages``, and what papers print of a muscle by ``mckibben.printed``.
+``mckibben.pages``, backends of real test machines by ``mckibben.hardware``, and what papers print of a muscle by
+``mckibben.printed``.
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ from .errors import InputError, MissingLibraryError, not_found, shortened, sugge
 
 T = TypeVar("T")
 # Distributions of this repository that are installed by themselves, by the extra that brings each of them.
-PACKAGES = {"benchmark": "mckibben-benchmark", "hosts": "mckibben-hosts", "papers": "mckibben-papers"}
+PACKAGES = {
+    "benchmark": "mckibben-benchmark",
+    "hardware": "mckibben-hardware",
+    "hosts": "mckibben-hosts",
+    "papers": "mckibben-papers",
+}
 # Packages whose sources are watched, so that what is lowered from their functions is kept: see `components.programs`.
 WATCHED = {__name__.partition(".")[0]}
 
@@ -49,7 +55,7 @@ def plugins(group: str) -> dict[str, Any]:
     return {point.name: _loaded(point) for point in _entry_points() if point.group == group}
 
 
-def announced(group: str, name: str, package: str, purpose: str) -> Any:
+def announced(group: str, name: str, package: str, purpose: str, *, extra: str | None = None) -> Any:
     """Load what one of `PACKAGES` announces; no other distribution is searched, and nothing else is loaded.
 
     Args:
@@ -57,6 +63,7 @@ def announced(group: str, name: str, package: str, purpose: str) -> Any:
         name: of the entry point.
         package: that announces it, one of `PACKAGES`.
         purpose: what needs it, with the verb, such as ``"mckibben export needs"``.
+        extra: that brings it with a library; that of the package alone by default.
 
     Raises:
         MissingLibraryError: the package is not installed.
@@ -64,7 +71,7 @@ def announced(group: str, name: str, package: str, purpose: str) -> Any:
     """
     distribution, point = _announcement(group, name, package)
     if distribution is None:
-        raise MissingLibraryError(purpose, PACKAGES[package], package)
+        raise MissingLibraryError(purpose, PACKAGES[package], extra or package)
     if point is not None:
         return _loaded(point)
     problem = f"another version of {PACKAGES[package]} than {distribution.version}: pip install 'mckibben[{package}]'"

@@ -1,4 +1,4 @@
-"""Hardware by name: ours, and a backend that another package brings by an entry point."""
+"""Hardware by name: a backend that another package brings by an entry point, and what is said where there is none."""
 
 import importlib.metadata
 
@@ -8,7 +8,7 @@ from mckibben.bench.hardware import backends
 from mckibben.bench.hardware.backends import HardwareRequest, check_connection, connected
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.rig_file import rig
-from mckibben.errors import InputError
+from mckibben.errors import InputError, MissingLibraryError
 
 
 class Desk(Hardware):
@@ -64,29 +64,23 @@ def test_words_that_name_no_backend_are_refused_with_those_that_there_are(desk, 
         check_connection(words)
 
 
-@pytest.mark.parametrize(
-    ("place", "port", "speed"),
-    [
-        ("/dev/ttyUSB0@3000000", "/dev/ttyUSB0", {"baud": 3_000_000}),
-        ("/dev/ttyACM0", "/dev/ttyACM0", {}),
-        ("/dev/by-id/a@b", "/dev/by-id/a@b", {}),  # a port whose name has such a character
-    ],
-)
-def test_the_speed_of_a_serial_port_stands_behind_its_name(monkeypatch, place, port, speed):
-    opened = []
+@pytest.mark.parametrize(("words", "extra"), [("serial:/dev/ttyACM0", "serial"), ("daq", "daq")])
+def test_where_the_package_of_a_backend_is_missing_one_sentence_says_what_to_install(words, extra, monkeypatch):
+    def distribution(name):
+        raise importlib.metadata.PackageNotFoundError(name)
 
-    def open_port(at, *arguments, **options):
-        opened.append((at, {name: value for name, value in options.items() if name == "baud"}))
-        return Desk(HardwareRequest(at, rig("paper"), 1e-3))
-
-    monkeypatch.setattr("mckibben.bench.hardware.serial_line.SerialHardware", open_port)
-    with connected(f"serial:{place}", rig("paper"), 1e-3):
-        assert opened == [(port, speed)]
-
-
-def test_a_serial_port_without_speed_is_refused():
-    with (
-        pytest.raises(InputError, match="must state 1 bit per second or more"),
-        connected("serial:x@0", rig("paper"), 1e-3),
-    ):
+    monkeypatch.setattr(importlib.metadata, "distribution", distribution)
+    says = rf"^\w[\w ]+ need mckibben-hardware, which is not installed: pip install 'mckibben\[{extra}\]'$"
+    with pytest.raises(MissingLibraryError, match=says):
+        check_connection(words)
+    with pytest.raises(MissingLibraryError, match=says), connected(words, rig("paper"), 1e-3):
         pass
+
+
+def test_what_a_backend_lacks_is_said_before_any_work(desk, monkeypatch):
+    def check(place):
+        raise InputError("--on", f"desk:{place}", "must stand on the left")
+
+    monkeypatch.setattr(Desk, "check", staticmethod(check), raising=False)
+    with pytest.raises(InputError, match="must stand on the left, got 'desk:right'"):
+        check_connection("desk:right")

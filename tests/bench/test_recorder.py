@@ -1,9 +1,11 @@
 """Storage: what was kept comes back as it was, gaps are said, and what is missing is said to be missing."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
-from mckibben.bench.recorder import Chunks
+from mckibben.bench.recorder import Chunks, StepTable
 from mckibben.errors import InputError
 from mckibben.recordings import read_recording
 
@@ -129,3 +131,37 @@ def test_bad_chunks_are_refused_and_leave_nothing(times, arrays, keep, words: st
 def test_a_bad_period_is_refused(period: float) -> None:
     with pytest.raises(InputError, match="period"):
         Chunks(period, KINDS)
+
+
+class Planned(NamedTuple):
+    """What a table of steps asks of one."""
+
+    index: int
+    count: int
+
+    def entry(self, start: float, end: float) -> dict:
+        return {"index": self.index, "start": start, "end": end}
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 7, 12])
+def test_a_table_of_steps_has_their_times_however_the_samples_come_in(chunk: int) -> None:
+    steps, period = [Planned(1, 3), Planned(2, 5), Planned(4, 4)], 0.1
+    index = np.repeat([0, 1, 2], [3, 5, 4])
+    table, times = StepTable(period), period * np.arange(12)
+    for i in range(0, 12, chunk):
+        table.add(times[i : i + chunk], index[i : i + chunk], steps)
+    table.end(1.2, "stop")
+    found = [(step["index"], step["start"], step["end"], step.get("ended_by")) for step in table.steps]
+    begins = [times[0], times[3], times[8], 1.2]
+    assert found == [(n, a, b, None) for n, a, b in zip((1, 2, 4), begins, begins[1:], strict=False)]
+    table.end(9.0, "stop")  # it has ended
+    assert table.steps[-1]["end"] == 1.2
+
+
+@pytest.mark.parametrize(("end", "by"), [(0.2, "until"), (0.26, None), (0.3, None)])
+def test_a_step_that_ends_more_than_half_a_sample_early_says_by_what(end: float, by: str | None) -> None:
+    table = StepTable(0.1)
+    table.end(0.0)  # nothing has begun
+    table.add(np.array([0.0]), np.array([0]), [Planned(1, 3)])
+    table.end(end)
+    assert table.steps == [{"index": 1, "start": 0.0, "end": end} | ({} if by is None else {"ended_by": by})]

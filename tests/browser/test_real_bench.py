@@ -9,14 +9,14 @@ import time
 import numpy as np
 import pytest
 
-from mckibben.bench.hardware.serial_line.device import About
-from mckibben.bench.hardware.serial_line.microcontroller import Faults, in_thread
 from mckibben.bench.prepare import prepare
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.experiments.read import parse_protocol
 from mckibben.recordings import read_recording
 from mckibben.web.bench import Bench, HardwareSpec
 from mckibben.web.workspace import Workspace
+from mckibben_hardware.serial_line.device import About
+from mckibben_hardware.serial_line.microcontroller import Faults, in_thread
 
 MOUNTED = """schema = 1
 name = "mounted"

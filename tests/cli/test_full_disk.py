@@ -18,6 +18,7 @@ import pytest
 from test_broken_input import POSTERIOR
 
 import mckibben
+import mckibben_hardware
 import mckibben_hosts
 from lanewise import ArgumentError, Program, cache
 from mckibben.bench.run import prepare, run
@@ -125,7 +126,7 @@ def test_a_characterisation_without_room_moves_nothing(said, full):
 
 def test_files_are_written_through_the_two_functions_that_leave_no_half():
     """Every other place that writes itself is known here, with the reason."""
-    folders = [Path(package.__file__).parent for package in (mckibben, mckibben_hosts)]
+    folders = [Path(package.__file__).parent for package in (mckibben, mckibben_hardware, mckibben_hosts)]
     writing = re.compile(
         r"\.write_(bytes|text|parquet)\(|savefig\(|savemat\(|to_(netcdf|csv)\(|\b(?:open|fdopen)\([^)\n]*[\"'](?:[wax]b?\+?|ab|r\+b?)[\"']"
     )

@@ -9,6 +9,7 @@ import pytest
 from mckibben.errors import InputError
 from mckibben.experiments.waveforms import KINDS, Binary, Noise, read_waveform
 from mckibben.experiments.waveforms.shapes import TAPS, register_bits, uniform
+from mckibben.experiments.waveforms.waveform import time_words
 
 T = 1e-3 * np.arange(4001)
 TABLES = {
@@ -223,3 +224,86 @@ def test_a_table_of_a_file_begins_at_zero_and_keeps_its_values():
     assert (wave.times, wave.values, wave.file) == ((0.0, 0.5, 2.0), (1.0, 2.0, 3.0), "a.csv")
     with pytest.raises(InputError, match="no files can be read here"):
         read_waveform(entry, "Pa", field="signals.x", where="f.toml")
+
+
+JUMPS = {
+    "steps": (0.3, 1.1), "pulse": (0.3, 0.3 + 0.4), "square": (0.15, 0.5, 0.65), "pwm": (0.025, 0.1, 0.125),
+    "sequence": (), "prbs": tuple(0.02 * k for k in range(1, 31)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", JUMPS)
+def test_just_before_a_jump_by_rounding_is_after_it_and_no_earlier(kind):
+    wave = made(kind)
+    for at in JUMPS[kind]:
+        for near in (at, math.nextafter(at, 0.0), at * (1.0 - 4e-16)):
+            assert wave.at(np.array([near])) == wave.at(np.array([at + 1e-6]))
+        assert wave.at(np.array([at - 3e-9])) == wave.at(np.array([at - 1e-6]))
+
+
+OTHERS = {
+    "pulse": {"start": "0.1 s", "width": "0.2 s", "high": "1 bar", "low": "0.5 bar"},
+    "square": {"low": "0.5 bar", "high": "2 bar", "frequency": "3 Hz", "duty": "40 %"},
+    "pwm": {"low": "0.5 bar", "high": "2 bar", "frequency": "5 Hz", "duty": {"kind": "constant", "value": 0.5}},
+    "prbs": {"low": "0.5 bar", "high": "2 bar", "hold": "30 ms", "order": 6, "seed": 1},
+    "ramp": {"from": "2 bar", "to": "4 bar", "start": "2 s", "duration": "1 s"},
+    "triangle": {"low": "2 bar", "high": "4 bar", "frequency": "2 Hz", "rising": 0.25},
+    "sine": {"mean": "1 bar", "amplitude": "2 bar", "frequency": "1 Hz", "phase": "45 deg"},
+    "chirp": {"mean": "1 bar", "amplitude": "2 bar", "from": "2 Hz", "to": "30 Hz", "duration": "1 s", "sweep": "log"},
+    "multisine": {"amplitude": "0.2 bar", "frequencies": ["1 Hz", "3 Hz", "8 Hz"]},
+    "noise": {"low": "0.5 bar", "high": "4 bar", "cutoff": "20 Hz", "seed": 5},
+    "steps": {"times": ["0 s", "0.4 s", "1.1 s"], "values": ["0 bar", "3 bar", "2 bar"]},
+    "table": {"values": ["0 bar", "2 bar", "0 bar"], "between": "held"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "key"), [(kind, key) for kind, keys in OTHERS.items() for key in keys])
+def test_whatever_changes_a_waveform_changes_its_sentence(kind, key):
+    one, other = made(kind), made(kind, **{key: OTHERS[kind][key]})
+    assert not np.array_equal(one.at(T), other.at(T))
+    assert one.sentence("Pa") != other.sentence("Pa")
+
+
+def test_a_triangle_is_as_fast_as_its_shorter_side_and_a_logarithmic_chirp_grows_by_a_constant_ratio():
+    assert made("triangle", rising=0.25).fastest == made("triangle", rising=0.75).fastest == 0.5 / 0.25
+    sweep = made("chirp", sweep="log", **{"from": "1 Hz", "to": "16 Hz"})
+    # whole cycles: the integral of 16^(t/2), (16^(t/2) - 1) 2/ln 16
+    for cycles in (1, 2, 5, 10):
+        at = 2.0 * math.log(1.0 + cycles * math.log(16.0) / 2.0) / math.log(16.0)
+        slope = (sweep.at(np.array([at + 1e-7])) - sweep.at(np.array([at - 1e-7]))) / 2e-7
+        assert sweep.at(np.array([at])) == pytest.approx(0.0, abs=1e-3)  # [Pa] of 1e5
+        assert slope == pytest.approx(2.0 * math.pi * 1e5 * 16.0 ** (at / 2.0), rel=1e-6)  # second order in 1e-7 s
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.0, "0 s"), (5e-5, "50 us"), (1e-3, "1 ms"), (1e-3 * (1.0 - 1e-10), "1 ms"), (0.999, "999 ms"),
+                          (1.0 - 1e-10, "1 s"), (2.0, "2 s"), (-5e-5, "-50 us")],
+)  # fmt: skip
+def test_a_time_is_said_in_the_unit_that_fits(seconds, text):
+    assert time_words(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "sentence"),
+    [
+        ("steps", {}, "steps 0 bar, 3 bar from 300 ms, 1 bar from 1.1 s"),
+        ("chirp", {}, "chirp 0 bar +- 1 bar from 1 Hz to 20 Hz in 2 s"),
+        ("chirp", {"sweep": "log"}, "chirp 0 bar +- 1 bar from 1 Hz to 20 Hz in 2 s, logarithmic"),
+        ("triangle", {}, "triangle from 1 bar to 3 bar at 1 Hz"),
+        ("triangle", {"rising": 0.25}, "triangle from 1 bar to 3 bar at 1 Hz, rising for 0.25 of each cycle"),
+        ("sine", {}, "sine 2 bar +- 1 bar at 0.5 Hz, phase 90 deg"),
+        ("sine", {"phase": "0 deg"}, "sine 2 bar +- 1 bar at 0.5 Hz"),
+    ],
+)
+def test_a_sentence_says_what_is_there_and_nothing_of_what_is_as_usual(kind, changes, sentence):
+    assert made(kind, **changes).sentence("Pa") == sentence
+
+
+def test_before_it_begins_a_waveform_has_its_first_value_and_a_sequence_ends_with_its_last_part():
+    assert made("steps").at(np.array([-1.0, -1e-3])).tolist() == [0.0, 0.0]
+    held = made("table", between="held")
+    for near in (1.0, math.nextafter(1.0, 0.0)):
+        assert held.at(np.array([near])).tolist() == [1e5]
+    parts = [{"kind": "constant", "value": f"{k} bar", "lasts": f"{k} s"} for k in (1, 2, 3)]
+    sequence = made("sequence", parts=parts)
+    assert sequence.at(np.array([0.0, 0.99, 1.0, 2.99, 3.0, 5.9, 20.0])).tolist() == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5, 3e5]

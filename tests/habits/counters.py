@@ -272,9 +272,13 @@ def arguments(node: Function) -> list[ast.expr]:
 
 
 def size(*folders: Path) -> tuple[int, int]:
-    """Lines and number of the files of Python below folders, without tests, wherever they lie."""
+    """Lines and number of the files of Python below folders, without tests and emulators of boards, wherever they lie."""
+    left_out = {"tests", "firmware"}
     paths = [
-        path for folder in folders for path in folder.rglob("*.py") if "tests" not in path.relative_to(folder).parts
+        path
+        for folder in folders
+        for path in folder.rglob("*.py")
+        if left_out.isdisjoint(path.relative_to(folder).parts)
     ]
     return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths), len(paths)
 

@@ -10,6 +10,7 @@ from packaging.specifiers import SpecifierSet
 import lanewise
 import mckibben
 import mckibben_benchmark
+import mckibben_hardware
 import mckibben_hosts
 import mckibben_papers
 from mckibben.extras import LIBRARIES
@@ -20,10 +21,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 COMPILER = tomllib.loads((ROOT / "packages/lanewise/pyproject.toml").read_text(encoding="utf-8"))["project"]
 ABOVE = {
     package.__name__.replace("_", "-"): (package, tomllib.loads((folder / "pyproject.toml").read_text())["project"])
-    for package in (mckibben_benchmark, mckibben_hosts, mckibben_papers)
+    for package in (mckibben_benchmark, mckibben_hardware, mckibben_hosts, mckibben_papers)
     for folder in [Path(package.__file__).parents[2]]
 }
-HOSTS = ABOVE["mckibben-hosts"][1]
 BOUNDED = [r for r in {*PROJECT["dependencies"], *COMPILER["dependencies"]} if not r.startswith("lanewise")]
 WORKFLOW = (ROOT / ".github/workflows/test.yml").read_text(encoding="utf-8")
 
@@ -97,7 +97,7 @@ def test_a_package_above_asks_for_this_one_and_its_extra_brings_it(name: str) ->
 
 
 def test_every_library_that_is_asked_for_comes_with_its_extra() -> None:
-    above = HOSTS["optional-dependencies"]
+    above = {e: listed for _, one in ABOVE.values() for e, listed in one.get("optional-dependencies", {}).items()}
     extras = {e: above.get(e, listed) for e, listed in PROJECT["optional-dependencies"].items() if e not in PACKAGES}
     for module, (extra, package) in LIBRARIES.items():
         assert names([package]) <= names(extras[extra]), module

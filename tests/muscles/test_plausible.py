@@ -8,7 +8,7 @@ import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.muscles import plausible
 from mckibben.quantities import usual_units, with_unit
-from mckibben.slips import USUAL_SIZES, size_caution
+from mckibben.slips import USUAL_SIZES, likely_unit, size_caution
 
 NYLON = mk.muscle("nylon")
 LONGEST = 0.2
@@ -93,3 +93,32 @@ def test_usual_sizes_have_their_ends_and_beyond_them_a_unit_is_asked_for(unit):
         number = typical / mk.quantities.to_si(1.0, other, unit, field="") if other != "in" else typical
         said = size_caution(number, unit)
         assert said is None or f"; was {number:g}" in str(said)
+
+
+def test_the_unit_that_is_asked_for_is_the_one_that_makes_the_number_most_usual():
+    # 300: 3 bar in kPa, 0.3 bar in mbar, 20.7 bar in psi; 5: bar before MPa
+    for text, unit in (("300", "kPa"), ("5", "bar"), ("0.5", "MPa"), ("90", "psi"), ("4000", "mbar")):
+        assert plausible.likely_pressure(text) == f"; was {text} {unit} meant?"
+    assert plausible.likely_pressure("1e30") == plausible.likely_pressure("bar") == ""
+    assert likely_unit("3", "1", ("%",), 0.0, 1.0, 0.5) == likely_unit(None, "m", ("cm",), 0.0, 1.0, 0.5) == ""
+    assert "1e-06 to 20 are usual" in str(size_caution(50.0, "1", usual=(1e-6, 20.0)))
+
+
+def test_nothing_is_said_up_to_what_is_rated_or_was_measured():
+    assert plausible.highest_usual_pressure() == plausible.HIGHEST_PRESSURE
+    assert plausible.highest_usual_pressure(MEASURED.specimen) == min(
+        plausible.highest_pressure(MEASURED.specimen)[0], 1.02 * measured("highest_measured_pressure")
+    )
+
+
+def test_what_a_run_reached_is_said_of_its_extremes():
+    low, high = measured("shortest_measured_length"), measured("longest_measured_length")
+    pressure = measured("highest_measured_pressure")
+    inside = plausible.reached_cautions([low, high, 0.5 * (low + high)], [0.0, pressure], MEASURED.specimen, "a")
+    assert inside == ()
+    for lengths in ([0.9 * low, high], [high, 1.1 * high, low]):
+        (said,) = plausible.reached_cautions(lengths, [pressure], MEASURED.specimen, "a")
+        assert said.parameter == "length of a"
+    (said,) = plausible.reached_cautions([low, high], [0.0, 2.0 * pressure, 1e5], MEASURED.specimen, "a")
+    assert said.parameter == "pressure of a"
+    assert plausible.reached_cautions([1e-3, 9.0], [1e5], None, "a") == ()

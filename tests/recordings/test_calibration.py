@@ -23,6 +23,7 @@ from mckibben.recordings.calibration import (
     Origin,
     carried,
     indicated,
+    moment,
     read_plain,
     recalibrate,
     saturated,
@@ -304,3 +305,13 @@ def test_of_two_terms_the_one_that_is_too_old_is_named_alone():
     )
     (said,) = whole.expired("2027-01-01T00:00:00+00:00")
     assert said.startswith("the calibration of tension (zero by weights on 2026-03-31, valid for 30 days)")
+
+
+def test_a_date_without_a_zone_is_in_utc_and_every_other_becomes_so():
+    noon = datetime.datetime(2026, 3, 31, 12, tzinfo=datetime.UTC)
+    for text in ("2026-03-31T12:00:00", "2026-03-31T12:00:00+00:00", "2026-03-31T14:00:00+02:00"):
+        assert moment(text) == noon and moment(text).tzinfo == datetime.UTC
+    assert moment(noon) is not None and moment(noon.replace(tzinfo=None)) == noon
+    for wrong in ("yesterday", None, 5):
+        with pytest.raises(InputError, match="must be a date"):
+            moment(wrong)

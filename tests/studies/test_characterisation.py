@@ -15,14 +15,18 @@ import mckibben as mk
 from mckibben.errors import InputError, StageError
 from mckibben.specimens import save_specimen
 from mckibben.studies.characterisation.evaluation import (
+    CORD_ERROR,
+    GAIN_ERROR,
     MOST_GAIN,
     advance,
     clamp_of,
     gain_change,
     half_width,
     leak_of,
+    of_muscle,
     rest_volume,
     seat_of,
+    with_shared_errors,
 )
 from mckibben.studies.characterisation.stages import (
     MARGIN,
@@ -284,6 +288,45 @@ def test_the_interval_of_a_prediction_grows_with_the_errors_that_no_fit_has_seen
 
 def test_the_interval_of_a_prediction_allows_for_the_gains_of_two_sensors():
     assert half_width(np.zeros(12), 0.5) == pytest.approx(2.179 * 0.5 * 2.0**0.5, rel=1e-3)  # t is printed to 4 digits
+
+
+def test_a_span_less_what_the_cord_stretches_is_the_length_of_the_muscle(bounds):
+    """The machine's own balance of muscle and cord is the witness."""
+    unit = mk.assembly.build.rig_unit("nylon")
+    spans, pressure = np.array([0.125, 0.13, 0.139]), 4e5
+    lengths = np.array([float(unit.equilibrium(span, pressure).length) for span in spans])
+    pulls = np.asarray(unit.tendon.force(spans - lengths))
+    readings = {"span": (spans, "m"), "tension": (pulls + 0.7, "N")}
+    record = mk.Recording(
+        np.arange(3.0), {name: mk.Channel(values, unit, "measured") for name, (values, unit) in readings.items()}, {}
+    )
+    held = dataclasses.replace(bounds, cord=unit.tendon)
+    assert (spans - lengths).min() > 5e-4  # which the cord stretches by
+    # the balance is solved to 1 um
+    np.testing.assert_allclose(of_muscle(record, held, zero=0.7)["span"], lengths, atol=1e-6)
+    assert of_muscle(record, bounds, zero=0.7) is record  # a cord that nobody knows is part of the muscle
+
+
+def test_intervals_of_parameters_hold_the_truth_beside_errors_that_all_points_share(bounds):
+    """Gains, a ruler and a cord that are off by their standard uncertainties; 4 parameters of 40 muscles."""
+    law, chance = mk.muscle("nylon").law, np.random.default_rng(8)
+    held = dataclasses.replace(bounds, cord=mk.assembly.build.rig_cord())
+    length, pressure = (x.ravel() for x in np.meshgrid(np.linspace(0.11, 0.139, 8), np.linspace(1e5, 5e5, 6)))
+    true, inside, blind = np.asarray(law.tension(length, pressure)), [], []
+    stretch = np.asarray(held.cord.stretch(true))
+    for _ in range(40):
+        shown = true * (1.0 + GAIN_ERROR * chance.standard_normal()) + 0.05 * chance.standard_normal(len(true))
+        read = pressure * (1.0 + GAIN_ERROR * chance.standard_normal())
+        points = mk.ForceMap("shown", length + CORD_ERROR * chance.standard_normal() * stretch, read, shown)
+        rest = 0.14 * (1.0 + held.rest_length_error * chance.uniform(-1.0, 1.0))
+        known = {"rest_length": rest, "upper_length": 0.15, "rest_volume": 5e-6}
+        fit = mk.fit(points.with_rest_length(rest), law="linear_threshold", known=known, schemes=())
+        one = with_shared_errors(fit, held, GAIN_ERROR)
+        for some, found in ((inside, one), (blind, fit)):
+            some += [e.low <= float(getattr(law, name)) <= e.high for name, e in found.parameters.items()]
+    # 95 % of 160, of which some four of a muscle go together: two standard errors of 40 draws are 7 %
+    assert np.mean(inside) > 0.88
+    assert np.mean(blind) < 0.75
 
 
 def test_a_specimen_file_states_creep_and_leak(tmp_path):

@@ -28,12 +28,17 @@ COMPILER = ROOT / "packages" / "lanewise"
 # Distributions above mckibben, by the extra that brings each, with what they ship beside their modules.
 ABOVE = {
     "benchmark": (ROOT / "packages" / "mckibben-benchmark", ("README.md", "LICENSE")),
+    "hardware": (
+        ROOT / "packages" / "mckibben-hardware",
+        ("README.md", "LICENSE", "firmware/README.md", "firmware/bench.c"),
+    ),
     "hosts": (ROOT / "packages" / "mckibben-hosts", ("README.md", "LICENSE", "NOTICE")),
     "papers": (ROOT / "packages" / "mckibben-papers", ("README.md", "LICENSE")),
 }
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
+HARDWARE_KEPT = ("README.md", "LICENSE", "firmware/README.md", "firmware/bench.c")
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
 LONGEST = 300.0  # after which a command is ended [s]
@@ -135,6 +140,9 @@ PACKAGED = {
     "benchmark": needs("benchmark", "--list"),
     "reproduce": needs("papers", "--row", "valve.festo"),
     **{f"study {name}": needs("benchmark", "nothing") for name in ("loops", "robot", "validation")},
+    "device check": needs("hardware", "--rig", "modern", "--simulate"),
+    "calibrate zero": needs("hardware", "--rig", "modern", "--simulate"),
+    "run": Call((*BENCH, "--on", "serial:/dev/ttyACM0"), says=("mckibben-hardware", "pip install 'mckibben[serial]'")),
 }
 CALLS: dict[str, list[Call]] = {
     "muscles": [Call()],

@@ -58,6 +58,14 @@ def characterise(
         str | None,
         typer.Option(metavar="FORCE", help="Largest tension, such as '200 N'; what the rig bears by default."),
     ] = None,
+    cord: Annotated[
+        str | None,
+        typer.Option(
+            metavar="STIFFNESS",
+            help="Stiffness of cord and frame in series, such as '100 N/mm', by which spans are longer than the muscle; "
+            "that of a simulated rig by default, of a machine none.",
+        ),
+    ] = None,
     gain_error: Annotated[
         str,
         typer.Option(
@@ -119,7 +127,10 @@ def characterise(
             return
         if not as_json:
             _tell(intended, False)
-        outcome = _run(intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step, gain=gain)
+        stiffness = _amount(cord, "N/m", "--cord")
+        outcome = _run(
+            intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step, gain=gain, cord=stiffness
+        )
     except InputError as error:
         raise error.changed(field=_option(error.field)) from None
     study_reports.write_characterisation_report(outcome, out / "report.html")
@@ -147,6 +158,7 @@ def _option(field: str) -> str:
         "muscle",
         "rig",
         "law",
+        "cord",
     )
     return f"--{field.replace('_', '-')}" if field in named else field
 
@@ -163,6 +175,7 @@ def _run(
     *,
     lock_step: bool,
     gain: float,
+    cord: float | None,
 ) -> Characterisation:
     """Run the stages with the time left; Ctrl-C vents and keeps the stages so far."""
     button, period = software.interlocks.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
@@ -184,6 +197,7 @@ def _run(
                 muscle=muscle,
                 laws=law or None,
                 gain_error=gain,
+                cord=cord,
                 out=out,
                 hardware=hardware,
                 seed=seed,

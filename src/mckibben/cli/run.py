@@ -18,7 +18,7 @@ from .. import batch, components, identification, muscles
 from ..analysis import segments
 from ..assembly import build
 from ..batch import run_template
-from ..bench import biological_run, calibrate, rig_file, software
+from ..bench import biological_run, rig_file, software
 from ..bench import hardware as hardware_package
 from ..bench import prepare as preparation
 from ..bench import rig as rigs
@@ -27,6 +27,7 @@ from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
 from ..experiments import read as reading
 from ..quantities import parse, with_unit
+from ..recordings import calibration_file
 from ..report.figures import fit_figures, recording_figures, style
 from ..specimens import muscle_specimen
 from ._outputs import FIGURE, OBJECT, RECORDING, OutputFiles, OutputKinds, Paths, write_recording
@@ -474,7 +475,7 @@ def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None =
     if calibration is None:
         return on
 
-    return on.calibrated(calibrate.read_calibration(calibration))
+    return on.calibrated(calibration_file.read_calibration(calibration))
 
 
 def _unused(path: Path) -> Path:

@@ -107,7 +107,9 @@ class Ranking(Answer):
     skipped: dict[str, str] = field(default_factory=dict)
     cautions: tuple[Caution, ...] = ()
 
-    units: ClassVar[Mapping[str, str]] = {"rmse": "N", "max_error": "N", "cv_rmse": "N", "cv_max_error": "N"}
+    units: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("rmse", "max_error", "left_out_rmse", "left_out_max_error", "cv_rmse", "cv_max_error"), "N"
+    )
     plot: ClassVar[Accessor[RankingPlots]] = Accessor("RankingPlots")
 
     @property
@@ -269,7 +271,7 @@ class Ranking(Answer):
         Raises:
             MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
         """
-        names = ("law", "rmse", "max_error", "cv_rmse", "cv_max_error", "aicc", "n", "converged")
+        names = ("law", *self.units, "aicc", "n", "converged")
         rows = [{name: row[name] for name in names} | {"parameters": len(row["parameters"])}
                 for row in map(Fit.to_dict, self.fits)]  # fmt: skip
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)

@@ -4,8 +4,7 @@
 
 *Indicated* is what the nominal scale of the rig's converter gives; of an encoder, the travel since it was zeroed. The skew
 is the time by which a channel lags the first one. A recording carries its calibration in its meta, under ``calibration``,
-as the plain table of `Calibration.plain`, in SI, which `read_plain` checks; `bench.calibrate` finds it and keeps it in
-files.
+as the plain table of `Calibration.plain`, in SI, which `read_plain` checks; `calibration_file` keeps it in files.
 
 Recalibration goes from corrected values back to indicated ones, and to another calibration:
 

@@ -163,10 +163,10 @@ def _summary(study: Ranking) -> str:
     if not best.converged:
         return "No law converged on this table; the numbers below are not to be used."
     words = f"{law_title(best)} fits with {_newton(best.rmse)} root mean square"
-    rms, most = best.left_out_rmse, best.left_out_max_error
-    if rms is not None and most is not None and math.isfinite(rms):
-        words += f" and predicts points that it was not shown to {_newton(rms)}, at worst {_newton(most)}"
-        words += f" or {_percent(most, size)} of the largest tension"
+    rms, worst = best.left_out_rmse, best.left_out_max_error
+    if rms is not None and worst is not None and math.isfinite(rms):
+        words += f" and predicts points that it was not shown to {_newton(rms)}, at worst {_newton(worst)}"
+        words += f" or {_percent(worst, size)} of the largest tension"
     if best.holdout and best.holdout.max_error < DIVERGES * size:
         words += f"; {best.holdout.what} it errs by at most {_percent(best.holdout.max_error, size)} above"
     words += "."
@@ -208,8 +208,8 @@ def _range(values: np.ndarray, unit: str) -> str:
 
 def _table(study: Ranking, mark: str) -> list[Block]:
     ranked = study.ranked()
-    words = {"left_out": "all left out"} | {key: f"each {SCHEMES[key]} left out" for key in SCHEMES}
-    groups = {key: said for key, said in words.items() if any(f"{key}_rmse" in row for row in ranked)}
+    every = {"left_out": "all left out"} | {key: f"each {SCHEMES[key]} left out" for key in SCHEMES}
+    groups = {key: said for key, said in every.items() if any(f"{key}_rmse" in row for row in ranked)}
     held_out = next((f.holdout.what for f in study.fits if f.holdout), "")
     groups |= {"above": held_out} if held_out else {}
     # place and law, then what of the answer stands in which group

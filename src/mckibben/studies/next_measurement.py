@@ -208,8 +208,8 @@ def readings_to_take(muscle: Muscle, *, same_rig: bool = False, shortest: float 
             problem = f"must be one at which the muscle pulls at {with_unit(pressure, 'Pa')}"
             raise InputError("length", with_unit(length, "m"), problem)
         new = new.conditioned([TensionReading(length, pressure, mean)])
-        ends = {"tension": mean, "low": max(mean - half, 0.0), "high": mean + half}
-        places.append({"length": length, "pressure": pressure, **ends, "half_width": new.share()})
+        expected = {"tension": mean, "low": max(mean - half, 0.0), "high": mean + half}
+        places.append({"length": length, "pressure": pressure, **expected, "half_width": new.share()})
     return NextReadings(muscle, tuple(places), before, not same_rig)
 
 

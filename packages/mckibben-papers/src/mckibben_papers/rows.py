@@ -130,12 +130,11 @@ def reproduces(
     return register
 
 
-@functools.cache
-def _ways() -> dict[str, Computation]:
-    """How each row is computed: what computes is imported with the first question, and registers itself."""
+def _way(row: PrintedRow) -> Computation | None:
+    """How a row is computed: what computes is imported with the first question, and registers itself."""
     for module in ("computed", "measured", "part4"):
         importlib.import_module(f".{module}", __package__)
-    return _WAYS
+    return _WAYS.get(row.id)
 
 
 @functools.cache
@@ -175,7 +174,7 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
 
 def reproduce_row(row: PrintedRow) -> RowOutcome:
     """Compute one row and its verdict."""
-    way = _ways().get(row.id)
+    way = _way(row)
     if way is None:
         return RowOutcome(row, None, None, said_of(row))
     computed = way.compute()
@@ -214,7 +213,7 @@ def _reasoned(row: PrintedRow) -> str:
 
 def needs_recording(row: PrintedRow) -> bool:
     """Whether a row needs recordings of the simulated test machine, which take time to make."""
-    way = _ways().get(row.id)
+    way = _way(row)
     return way is not None and way.recordings
 
 

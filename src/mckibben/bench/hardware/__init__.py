@@ -8,7 +8,6 @@ from .converters import AnalogOut, Converter, Sensor
 from .stand import Encoder, Frame, FrameState, Motor, MotorPowers, StandState, TestStand
 
 if TYPE_CHECKING:
-    from . import serial_line as serial_line
     from .backends import HardwareRequest as HardwareRequest
     from .backends import connected as connected
     from .interface import Hardware as Hardware

@@ -1,20 +1,19 @@
 """Backends by name: what opens the hardware that a spec such as ``serial:/dev/ttyACM0`` names.
 
 A backend is a function of a `HardwareRequest` that returns an open `Hardware`. A package adds one by an entry point of the
-group `GROUP`, whose name is what stands before the colon; ours are listed here, so that a checkout needs no installation.
+group `GROUP`, whose name is what stands before the colon. It may have a method ``check(place)``, which says before any work
+begins what it lacks. Those of `EXTRAS` are announced by a package of this repository, ``mckibben-hardware``.
 """
 
 from __future__ import annotations
 
 import contextlib
 import importlib.metadata
-import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError
-from ...extras import library
-from . import daq, serial_line
+from ...registry import announced
 from .interface import Hardware
 
 if TYPE_CHECKING:
@@ -22,6 +21,10 @@ if TYPE_CHECKING:
 
 GROUP = "mckibben.hardware"
 SILENCE = 0.02  # after which a device vents by itself [s]; a program on a shared computer may pause so long
+EXTRAS = {  # the extra that brings each backend of ours with its library, and what needs it
+    "serial": ("serial", "Machines on a serial port need"),
+    "daq": ("daq", "Data acquisition cards need"),
+}
 USAGE = {
     "serial": "serial:PORT or serial:PORT@BITS_PER_SECOND, such as serial:/dev/ttyACM0",
     "daq": "daq, with the table [daq] in the rig's file",
@@ -57,15 +60,13 @@ def connected(
     Raises:
         InputError: if there is no such machine, or it is not the rig's.
         LineLostError: if it does not answer.
+        MissingLibraryError: as of `check_connection`.
     """
     if words is None or words == "simulated":
         yield None
         return
     name, place = _split(words)
-    backend: Backend | None = OURS.get(name)
-    if backend is None:  # that of an installed package, which `_split` has found
-        backend = next(e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name).load()
-    hardware = backend(HardwareRequest(place, rig, period, lock_step, silence))
+    hardware = _backend(name)(HardwareRequest(place, rig, period, lock_step, silence))
     try:
         yield hardware
     finally:
@@ -80,15 +81,23 @@ def check_connection(words: str | None) -> None:
 
     Raises:
         InputError: if they name no backend.
-        MissingLibraryError: if the library that talks to the machine is not installed.
+        MissingLibraryError: if the package of the backend, or the library that talks to the machine, is not installed.
     """
     if words is None or words == "simulated":
         return
     name, place = _split(words)
-    if name == "serial":
-        library("serial", "Machines on a serial port need", where=place)
-    elif name == "daq":
-        library("nidaqmx", "Data acquisition cards need")
+    check: Callable[[str], None] = getattr(_backend(name), "check", lambda place: None)
+    check(place)
+
+
+def _backend(name: str) -> Backend:
+    """The backend of a name that `_split` has found."""
+    if name in EXTRAS:
+        extra, purpose = EXTRAS[name]
+        backend: Backend = announced(GROUP, name, "hardware", purpose, extra=extra)
+    else:
+        backend = next(e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name).load()
+    return backend
 
 
 def _split(words: str) -> tuple[str, str]:
@@ -99,37 +108,3 @@ def _split(words: str) -> tuple[str, str]:
         known = ", or ".join([*USAGE.values(), *others])
         raise InputError("--on", words, f"must be {known}")
     return name, place
-
-
-def _open_serial(request: HardwareRequest) -> Hardware:
-    # such as ``/dev/ttyUSB0@3000000``, with bits per second; the name of a port may have an @ of its own
-    port, _, stated = request.place.rpartition("@")
-    speed = {"baud": int(stated)} if port and stated.isascii() and stated.isdigit() and len(stated) < 10 else {}
-    if speed == {"baud": 0}:
-        raise InputError("--on", f"serial:{request.place}", "must state 1 bit per second or more after @")
-    converters = request.rig.converters(0.0)
-    return serial_line.SerialHardware(
-        port if speed else request.place,
-        converters.names,
-        bits={n: c.bits for n, c in converters.analog.items()},
-        encoder=converters.encoder is not None,
-        motor=converters.motor is not None,
-        lock_step=request.lock_step,
-        watchdog=max(3, math.ceil(request.silence / request.period)),
-        **speed,
-    )
-
-
-def _open_daq(request: HardwareRequest) -> Hardware:
-    rig = request.rig
-    if "daq" not in rig.document:
-        raise InputError("daq", None, "is missing: the rig's file must state how the card is wired", where=rig.where)
-    wired = daq.wiring(rig.document["daq"], where=rig.where)
-    for name, converter in rig.converters(0.0).analog.items():
-        if name in wired.inputs and wired.inputs[name].bits != converter.bits:
-            allowed = f"must be {converter.bits}, as sensors.{name}.converter has"
-            raise InputError(f"daq.inputs.{name}.bits", wired.inputs[name].bits, allowed, where=rig.where)
-    return daq.DaqHardware(wired)
-
-
-OURS: dict[str, Backend] = {"serial": _open_serial, "daq": _open_daq}

@@ -25,6 +25,7 @@ from ...answers import brief
 from ...errors import InputError, StageError
 from ...estimation import NORMAL_QUANTILE, Estimate, uncertainty, widening
 from ...identification.fit import Fit, fit_all, fitted_specimen, measured_range
+from ...identification.problem import Problem
 from ...identification.tension_path_fit import (
     AT_PRESSURE,
     ELEMENTS,
@@ -55,6 +56,7 @@ LEAST_LOOP = 0.02  # length range of a loop that counts, of the rest length
 LEAST_TENSION = 3.0  # largest tension that a muscle must reach [N], and in noise of the cell
 NOISES = 40.0
 GAIN_ERROR = 2e-3  # standard uncertainty of the sensors' gains by default, a share
+CORD_ERROR = 0.03  # standard uncertainty of what a known cord stretches, a share
 MOST_DECAY = 0.03  # share of the pressure that a leak may take in a second [1/s]
 # Of a sensor's zero during the map, of the largest value. A large muscle that empties slowly may keep 0.15 % of the pressure
 # for a while, and a slack one 0.8 % of the tension: that is no drift.
@@ -386,6 +388,7 @@ def evaluate(
     Raises:
         StageError: a fit was not possible; names the stage.
     """
+    records = {stage: of_muscle(record, bounds, known.zero) for stage, record in records.items()}
     zero_pressure = float(np.mean(_part(records["seat"], "zero", "seat")["pressure"]))
     path, tension, still = _held_path(records, zero_pressure)
     rows, rising, falling = _branches(records["map"], bounds, known, zero_pressure)
@@ -418,6 +421,7 @@ def evaluate(
     fits = fit_all(points, laws=laws or tuple(LAWS), known=known_sizes, schemes=(), skipped=skipped)
     if not fits or not fits[0].converged:
         raise StageError("map", "no law could be fitted to its points")
+    fits = [with_shared_errors(fits[0], bounds, gain_error), *fits[1:]]
     held_out = _held_out(records["held-out"], zero_pressure, known.zero, fits[0], friction, relaxation)
     errors = np.array([p.predicted - p.measured for p in held_out])
     seat = seat_of(records["seat"], bounds)
@@ -431,11 +435,72 @@ def evaluate(
         seat=seat,
         clamp=clamp_of(seat, bounds),
         held_out=held_out,
-        half_width=half_width(errors, gain_error * known.largest),
+        half_width=half_width(errors, gain_error * known.largest, _cord_errors(fits[0], bounds)),
         largest=known.largest,
         gain_change=gain_change(records, bounds, known),
         lengths=(min(length for _, length in known.isobars), bounds.rest_length),
     )
+
+
+def of_muscle(record: Recording, bounds: Bounds, zero: float) -> Recording:
+    """A recording whose spans are lengths of the muscle alone, less what a known cord stretches at rest.
+
+    Args:
+        record: of the rig.
+        bounds: whose cord it is.
+        zero: reading of the load cell without tension [N].
+    """
+    if bounds.cord is None:
+        return record
+    stretch = np.asarray(bounds.cord.stretch(np.maximum(record["tension"] - zero, 0.0)))
+    return record.with_channels({"span": record.channels["span"].with_values(record["span"] - stretch)})
+
+
+def _cord_errors(fit: Fit, bounds: Bounds) -> np.ndarray:
+    """Standard errors of a fit's tensions by what a known cord stretches more than is known (n,) [N]."""
+    if bounds.cord is None:
+        return np.zeros(len(fit.points))
+    law, length, pressure = fit.build(), fit.points.length, fit.points.pressure
+    longer = length + CORD_ERROR * np.asarray(bounds.cord.stretch(fit.points.tension))
+    return np.asarray(law.braid_tension(longer, pressure) - law.braid_tension(length, pressure))
+
+
+def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float) -> Fit:
+    """A fit whose intervals know of errors that all points share, and that points beside each other err alike.
+
+    With J the derivatives of the tension, G = (J'J)^-1 J' and S the covariance of the points' errors, that of the
+    parameters is G S G'. S has what the fit leaves, widened for neighbours, and one direction each for the gains of load
+    cell and pressure sensor, the rest length and the stretch of a cord. Residuals alone put all four parameters of a law
+    outside of their intervals in three of three runs.
+    """
+    problem = Problem(fit.law, tuple(fit.parameters), dict(fit.known), fit.points)
+    place = np.array([e.value for e in fit.parameters.values()]) / problem.scale
+    force, slopes = problem.functions()
+    law, points, rest = fit.build(), fit.points, bounds.rest_length
+    tension = np.asarray(law.braid_tension(points.length, points.pressure))
+    shared = [
+        gain_error * tension,
+        np.asarray(law.braid_tension(points.length, points.pressure * (1.0 + gain_error))) - tension,
+        _cord_errors(fit, bounds),
+    ]
+    if "rest_length" in fit.known:  # as the ruler has it: even over its errors up to the largest
+        off = rest * bounds.rest_length_error / math.sqrt(3.0)
+        longer = Problem(fit.law, problem.free, {**fit.known, "rest_length": rest + off}, points)
+        shared.append(longer.functions()[0](place) - force(place))
+    left = force(place) - points.tension
+    to_parameters = np.linalg.pinv(slopes(place), rcond=1e-12)
+    freedom = max(len(points) - len(place), 1)
+    noise = float(left @ left) / freedom * widening([left]) ** 2
+    covariance = noise * to_parameters @ to_parameters.T
+    for one in shared:
+        off = to_parameters @ np.nan_to_num(one)
+        covariance = covariance + np.outer(off, off)
+    half = NORMAL_QUANTILE * np.sqrt(np.diag(covariance)) * problem.scale
+    wider = {
+        name: e._replace(low=min(e.low, e.value - h), high=max(e.high, e.value + h))
+        for (name, e), h in zip(fit.parameters.items(), half.tolist(), strict=True)
+    }
+    return dataclasses.replace(fit, parameters=wider)
 
 
 def gain_change(records: dict[str, Recording], bounds: Bounds, known: Progression) -> Estimate:
@@ -542,16 +607,18 @@ def relaxation_curve(records: dict[str, Recording], found: Evaluation) -> tuple[
     return path.time[still] - path.time[still][0], tension[still], fitted[still]
 
 
-def half_width(errors: np.ndarray, gain_error: float = 0.0) -> float:
+def half_width(errors: np.ndarray, gain_error: float = 0.0, cord: np.ndarray | None = None) -> float:
     """Half width of the 95 % interval of a predicted tension [N].
 
     Args:
         errors: of points that no fit has seen (n,) [N].
         gain_error: standard error of the largest tension by the gain of one sensor; there are two [N].
+        cord: standard errors of tensions by the stretch of a cord, of which the largest counts [N].
     """
     from scipy.special import stdtrit
 
-    return float(stdtrit(len(errors), 0.975) * np.sqrt(np.mean(errors**2) + 2.0 * gain_error**2))
+    stretched = 0.0 if cord is None else float(np.max(np.abs(cord)))
+    return float(stdtrit(len(errors), 0.975) * np.sqrt(np.mean(errors**2) + 2.0 * gain_error**2 + stretched**2))
 
 
 def _beside(path: SpanPath, friction: BranchFit, relaxation: RelaxationFit) -> np.ndarray:
@@ -599,7 +666,11 @@ def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> 
         numbers["rest_volume"] = dataclasses.replace(numbers["rest_volume"], inferred=True, note=note)
     error = found.half_width
     taut = f"; taut at {with_unit(found.seat.value, 'm', 4)}" if math.isfinite(found.seat.value) else ""
-    note = f"as measured, to {100.0 * bounds.rest_length_error:g} %{taut}; lengths are spans, with clamps and tendon"
+    lengths = "spans, with clamps and tendon"
+    if bounds.cord is not None:
+        stiffness = with_unit(float(bounds.cord.stiffness), "N/m", 3)
+        lengths = f"spans, with clamps, less what cord and frame stretch, {stiffness}"
+    note = f"as measured, to {100.0 * bounds.rest_length_error:g} %{taut}; lengths are {lengths}"
     properties = {
         "rest_length": SpecimenNumber(value=bounds.rest_length, unit="m", note=note),
         **measured_range(found.points, found.lengths),

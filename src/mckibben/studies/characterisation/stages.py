@@ -23,6 +23,7 @@ from ...bench.rig import Rig
 from ...errors import InputError
 from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol
+from ...muscles.elements import Tendon
 from ...quantities import with_unit
 
 STAGES = {
@@ -59,6 +60,8 @@ class Bounds:
         tension: largest tension [N].
         shut_off: whether the plumbing has a shut-off valve.
         rest_length_error: largest error of the rest length as it was measured at the muscle, a share.
+        cord: what holds the muscle, cord and frame in series, where it is known: spans are longer than the muscle by what
+            it stretches.
     """
 
     rest_length: float
@@ -67,6 +70,7 @@ class Bounds:
     tension: float
     shut_off: bool
     rest_length_error: float = LENGTH_ERROR
+    cord: Tendon | None = None
 
     @classmethod
     def of(

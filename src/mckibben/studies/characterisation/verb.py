@@ -29,6 +29,7 @@ from ...errors import EmptyRunError, InputError, StageError
 from ...experiments.protocol import Protocol
 from ...muscles import Muscle
 from ...muscles.build import build_law, rest_length_of
+from ...muscles.elements import Tendon
 from ...muscles.laws import law_type
 from ...quantities import in_si, with_unit
 from ...recordings import Recording
@@ -46,6 +47,7 @@ SETTINGS = "characterisation.json"  # in the folder: what its recordings were ma
 POINTS = "points.csv"  # in the folder: points of the map, without friction and relaxation
 CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle"}  # settings that are digests, and what of
 LESS = 0.7  # of the largest tension, to be asked for where the rig's interlock has stopped a stage
+LEAST_TOE = 1e-6  # stretch over which a cord of a stated stiffness gets stiff [m]
 SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
 Progress = Callable[[float, float, str], None]  # machine time done and planned [s], and the stage
 
@@ -167,7 +169,7 @@ class Characterisation:
         """95 % interval of the static tension at a length of the muscle itself, between its clamps [N].
 
         It is wider than that at a span of the rig: the span may be longer than the vented muscle by `Evaluation.clamp`. What
-        a cord or a clamp stretches under tension is not in it, as no sensor shows it.
+        cord and frame stretch under tension is in it where it is known, see `characterise`; no sensor shows it.
 
         Args:
             length: of the muscle [m].
@@ -272,6 +274,7 @@ def characterise(
     max_pressure: float | str | None = None,
     max_tension: float | str | None = None,
     rest_length_error: float = LENGTH_ERROR,
+    cord: float | str | None = None,
     laws: Sequence[str] | None = None,
     gain_error: float = GAIN_ERROR,
     name: str = "characterised",
@@ -297,6 +300,8 @@ def characterise(
         max_pressure: highest gauge pressure, as text or [Pa]; what the rig bears by default.
         max_tension: largest tension, as text or [N]; what the rig bears by default.
         rest_length_error: largest error of that measurement, a share; a muscle that gets taut elsewhere is refused.
+        cord: stiffness of what holds the muscle, cord and frame in series, as text or [N/m]; of a simulated rig by default
+            what holds the muscle there. Lengths are then those of the muscle itself; without it they are spans of the rig.
         laws: laws that are fitted; all by default.
         gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: id of the specimen.
@@ -339,6 +344,7 @@ def characterise(
         rest_length_error=rest_length_error,
     )
     bounds, layout = intended.bounds, _layout(on, plumbing)
+    bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
     folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
     known, records, done = Progression(), {}, []
     passed = 0.0
@@ -382,6 +388,22 @@ def characterise(
         else:
             (folder / f"{name}.toml").unlink(missing_ok=True)
     return outcome
+
+
+def _holder(rig: Rig, unit: MuscleUnit | None, cord: float | str | None) -> Tendon | None:
+    """What holds the muscle: as stated, or cord and frame of a simulated rig in series; None where it is not known."""
+    if cord is not None:
+        stiffness = float(in_si(cord, "N/m", field="cord"))
+        if not stiffness > 0.0:
+            raise InputError("cord", with_unit(stiffness, "N/m"), "must be above 0 N/m")
+        return Tendon(stiffness=stiffness, toe_length=LEAST_TOE)
+    if unit is None:
+        return None
+    frame = float(rig.frame.stiffness)
+    if unit.tendon is None:
+        return Tendon(stiffness=frame, toe_length=LEAST_TOE)
+    both = 1.0 / (1.0 / frame + 1.0 / float(unit.tendon.stiffness))
+    return Tendon(stiffness=both, toe_length=unit.tendon.toe_length)
 
 
 class _Machine:
