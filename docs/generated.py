@@ -205,23 +205,20 @@ def specimens(_: Path) -> str:
 
 def catalogue(_: Path) -> str:
     """Return the lists of valves, tubes, gas sources, laws and muscles."""
-    from mckibben.cli.parts import FORMS, columns_of
     from mckibben.quantities import with_unit
-    from mckibben.studies.parts import KINDS, NAMED_IN, list_parts
+    from mckibben.studies.parts import KINDS, NAMED_IN, find_parts
 
     sections = []
     for kind, title in KINDS.items():
-        some = list_parts(kind)
-        heads, cells = columns_of(kind, some)
-        form = [FORMS[kind]] if kind in FORMS else []
-        last = ["parameters"] if kind == "laws" else []
-        rows = [
-            [f"`{one.id}`", one.title, *([one.form] if form else []), *cells[one.id], *([_names(one)] if last else [])]
-            for one in some
-        ]
+        some = find_parts(kind).parts
+        (listed,) = find_parts(kind).tables()
+        end = None if kind == "laws" else -2  # without the counts of its numbers
+        heads, rows = listed.heads[:end], [[f"`{name}`", *cells] for name, *cells in (row[:end] for row in listed.cells())]
+        if kind == "laws":
+            rows = [[*cells, f"`{names.replace(', ', '`, `')}`"] for *cells, names in rows]
         used = NAMED_IN[kind].format(id=some[0].id)
         sections += [f"## {title}", f"`{some[0].id}`, for example, is used in: {used}."]
-        sections.append(_table(["name", "what it is", *form, *heads, *last], rows))
+        sections.append(_table(heads, rows))
         if kind in ("tubes", "sources"):
             numbers = [
                 [
@@ -249,10 +246,6 @@ def catalogue(_: Path) -> str:
         "[Parameters](parameters.md).",
         *sections,
     )
-
-
-def _names(part: Any) -> str:
-    return ", ".join(f"`{n.name}`" for n in part.numbers)
 
 
 def rigs(_: Path) -> str:

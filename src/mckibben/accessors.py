@@ -44,7 +44,6 @@ FIGURES = (
 )
 PAGES = (  # of a notebook
     "report.figures.plots:muscle_html",
-    "report.figures.plots:part_html",
     "report.figures.plots:recording_html",
 )
 DOCUMENTS = (

@@ -60,6 +60,7 @@ class Column:
         beside: whether the unit stands beside each number, not at the head.
         most: a larger number is shown as above this one.
         failed: stands for a number that is infinite.
+        star: key of what is true where a star stands behind the value.
     """
 
     key: str
@@ -74,6 +75,7 @@ class Column:
     beside: bool = False
     most: float | None = None
     failed: str = ""
+    star: str = ""
 
     @property
     def head(self) -> str:
@@ -87,7 +89,7 @@ class Column:
         if own := row.get(self.own):
             value = row.get(self.key)
             return self.missing if value is None or value != value else with_unit(value, own)
-        words = self.text(row.get(self.key))
+        words = self.text(row.get(self.key)) + "*" * bool(row.get(self.star))
         if self.ends is None or row.get(self.ends[0]) is None:
             return words
         low, high = (self.text(row[end]) for end in self.ends)

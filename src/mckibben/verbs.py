@@ -25,7 +25,7 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast
 from .accessors import PLACES
 from .answers import Answer, Caution, collect, warn
 from .errors import InputError
-from .quantities import in_si, parse, values_in_si
+from .quantities import in_si, parse, split_values, values_in_si
 
 PACKAGE = Path(__file__).parent
 P = ParamSpec("P")
@@ -45,6 +45,7 @@ class ParameterType(NamedTuple):
         bare: whether a number in a text may lack its unit, which is then the SI one.
         none: whether the word ``none`` stands for no value at all.
         parts: parameters of another verb, by its place, that such a one has under their names, as options of a file format.
+        least: smallest whole number that is taken; None for any.
     """
 
     word: str = ""
@@ -56,6 +57,7 @@ class ParameterType(NamedTuple):
     bare: bool = False
     none: bool = False
     parts: tuple[str, tuple[str, ...]] = ("", ())
+    least: int | None = None
 
 
 QUANTITIES = {
@@ -149,6 +151,22 @@ FileKind = Annotated[Literal["map", "recording"], ParameterType("KIND")]
 DecimalMark = Annotated[Literal[".", ","], ParameterType("MARK")]
 Header = Annotated[str, ParameterType("NAMES")]
 Label = Annotated[str, ParameterType("LABEL")]
+Inertia = Annotated[float | str, QUANTITIES["INERTIA"]]
+Course = Annotated[str, ParameterType("COURSE")]
+Courses = Annotated[Mapping[str, str], ParameterType("NAME=COURSE")]
+RecordFile = Annotated[Any, ParameterType("RECORD")]
+Seed = Annotated[int, ParameterType("N", least=0)]
+WorkerCount = Annotated[int, ParameterType("N", least=0)]
+SchedulerName = Annotated[str, ParameterType("SCHEDULER")]
+SweepFile = Annotated[Any, ParameterType("SWEEP")]
+ResultFolder = Annotated[Any, ParameterType("FOLDER")]
+SignalName = Annotated[str, ParameterType("SIGNAL")]
+CircuitFile = Annotated[Any, ParameterType("CIRCUIT")]
+PartName = Annotated[str, ParameterType("PART")]
+ProtocolName = Annotated[Any, ParameterType("PROTOCOL")]
+Flow = Annotated[float | str, QUANTITIES["FLOW"]]
+Angle = Annotated[float | str, QUANTITIES["ANGLE"]]
+Hardness = Annotated[float | str, ParameterType("HARDNESS")]
 Sheet = Annotated[str | int, ParameterType("SHEET")]
 Topic = Annotated[str, ParameterType("TOPIC")]
 PlainNumber = Annotated[float | str, ParameterType("NUMBER")]
@@ -228,6 +246,8 @@ class Parameter:
         unit = self.type.unit
         if value is None:
             return value
+        if self.type.least is not None and not (isinstance(value, int) and value >= self.type.least):
+            raise InputError(self.name, value, f"must be a whole number of {self.type.least} or more")
         if self.flag and not isinstance(value, bool):
             raise InputError(self.name, None, f"must be True or False, got {value!r}")
         if self.parts:
@@ -247,8 +267,11 @@ class Parameter:
             return ParsedNumber(float(number), value) if isinstance(value, str) else number
         if self.type.none and isinstance(value, str) and value.strip() == "none":
             return ParsedList()
-        one = isinstance(value, str) and not (":" in value or ";" in value or ", " in value)
-        numbers = ParsedList(values_in_si([value] if one else value, unit, field=self.name))
+        words = value
+        if isinstance(value, str) and not (":" in value or ";" in value or ", " in value):
+            # a comma alone parts values of lists; elsewhere it may be meant as that of a decimal
+            words = split_values(value, field=self.name) if self.type.listed else [value]
+        numbers = ParsedList(values_in_si(words, unit, field=self.name))
         numbers.text = value if isinstance(value, str) else ""
         return numbers
 
@@ -280,8 +303,8 @@ def described(place: str) -> Description:
         for n in tree.body
         if isinstance(n, ast.Assign) and (own := _own_type(n.value)) is not None
     }
-    head, _, rest = (ast.get_docstring(node) or "").partition("\nArgs:\n")
-    section = re.split(r"^\S", rest, maxsplit=1, flags=re.MULTILINE)[0]
+    head, *sections = re.split(r"^(?=\w+:$)", ast.get_docstring(node) or "", flags=re.MULTILINE)
+    section = next((one.removeprefix("Args:\n") for one in sections if one.startswith("Args:")), "")
     words = {m[1]: _words(m[2]) for m in re.finditer(r"^ {4}(\w+): (.*?)(?=^ {4}[*\w]|\Z)", section, re.M | re.S)}
     several = [] if node.args.vararg is None else [node.args.vararg]
     arguments = [*node.args.args, *several, *node.args.kwonlyargs]
@@ -416,13 +439,16 @@ def _slips(parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> It
     """Cautions about values whose size can only be a slip."""
     for name, value in values.items():
         kind = parameters[name].type if name in parameters else ParameterType()
+        if isinstance(value, Mapping) and kind.parts[1]:
+            yield from _slips({part.name: part for part in parameters[name].parts}, value)
+            continue
         changes = kind.word == "PATH=VALUE" and isinstance(value, Mapping)
         texts: Sequence[tuple[str, Any]] = [*value.items()] if changes else [(name, value)]
         for key, text in texts:
             if isinstance(text, str | int | float | list | tuple) and (kind.range or changes):
                 from .slips import size_caution
 
-                several = re.split(" *[,;] *", text) if kind.listed and isinstance(text, str) else text
+                several = re.split(" *[,;] *", text) if (kind.listed or changes) and isinstance(text, str) else text
                 for one in several if isinstance(several, list | tuple) else [several]:
                     slip = size_caution(one, kind.unit, name=key.replace("_", " "), usual=kind.range)
                     if slip is not None:

@@ -360,7 +360,7 @@ def test_ctrl_c_in_a_command_is_said_in_one_sentence(run, monkeypatch):
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mckibben.cli.muscles.specimen", interrupt)
+    monkeypatch.setattr("mckibben.studies.description.specimen", interrupt)
     assert run("show", "nylon") == (130, "", "mckibben: interrupted; nothing was written\n")
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import mckibben
 from mckibben import registry
-from mckibben.cli import main, record, run, serve, sweep  # noqa: F401  bound before anything is replaced
+from mckibben.cli import main, record, run, serve, verb_commands  # noqa: F401  bound before anything is replaced
 from mckibben.cli.app import COMMANDS
 from mckibben.errors import InputError, MissingLibraryError
 from mckibben.extras import library

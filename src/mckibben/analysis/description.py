@@ -86,7 +86,7 @@ class RecordingDescription(Answer):
             nothing = s["known"] == 0.0
             share = "" if s["known"] == 1.0 else "nothing known" if nothing else f"known {100.0 * s['known']:.3g} %"
             meaning = "; ".join(words for words in (s["meaning"], share) if words)
-            shown = _shown(s, ("min", "mean", "max"), FLOWS.get(s["unit"]))
+            shown = shown_numbers(s, ("min", "mean", "max"), FLOWS.get(s["unit"]))
             if nothing:
                 shown = {"unit": shown["unit"]}
             rows.append({"channel": name, "kind": s["kind"], "meaning": meaning} | shown)
@@ -234,7 +234,7 @@ class FileDescription(Answer):
         ]
         kind, of = ("force map", "points") if self.is_map else ("recording", "samples")
         title = f"{self.file}: a {kind} of {len(self.reading.data)} {of}"
-        ends = [{"name": name} | _shown(one, ("min", "max")) for name, one in self.ranges().items()]
+        ends = [{"name": name} | shown_numbers(one, ("min", "max")) for name, one in self.ranges().items()]
         numbers = (Column("min", right=True), Column("max", right=True))
         return [
             Table(title, (Column("label", "column"), Column("name", "read as"), Column("unit")), rows),
@@ -306,7 +306,7 @@ def describe_file(
     return FileDescription(path_of(file), reading)
 
 
-def _shown(values: Mapping[str, Any], keys: Sequence[str], unit: str | None = None) -> dict[str, str]:
+def shown_numbers(values: Mapping[str, Any], keys: Sequence[str], unit: str | None = None) -> dict[str, str]:
     """Numbers of a quantity as a person reads them, with their unit."""
     shown = unit or shown_unit(values["unit"])
     numbers = {key: f"{from_si(values[key], values['unit'], shown):.4g}" for key in keys}

@@ -107,9 +107,9 @@ class Workers:
 
     def __post_init__(self) -> None:
         if self.way not in WAYS and "://" not in self.way:
-            raise InputError("--scheduler", self.way, f"must be {choice(WAYS)}, or an address such as tcp://host:8786")
+            raise InputError("scheduler", self.way, f"must be {choice(WAYS)}, or an address such as tcp://host:8786")
         if self.count < 0:
-            raise InputError("--workers", self.count, "must be a whole number above 0")
+            raise InputError("workers", self.count, "must be a whole number above 0")
         self.count = 1 if self.way == "serial" else self.count or cores()
 
     def check_libraries(self) -> None:
@@ -270,7 +270,7 @@ def _client(way: str, count: int) -> Iterator[Any]:
                 client = distributed.Client(way, timeout=PATIENCE)
             except (OSError, ValueError, TimeoutError):
                 said = f"no Dask scheduler answered there within {PATIENCE:g} s"
-                raise InputError("--scheduler", way, said) from None
+                raise InputError("scheduler", way, said) from None
             with client:
                 yield client
             return

@@ -105,14 +105,14 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError("--out", str(place), f"the folder cannot be made ({error.strerror})") from None
+        raise InputError("out", str(place), f"the folder cannot be made ({error.strerror})") from None
     with _alone(place):
         path = place / NAME
         if (path / "zarr.json").exists():
             yield _known(place, sweep)
             return
         if path.exists() and any(path.iterdir()):
-            raise InputError("--out", str(path), "it is there already and no results of a sweep; choose another folder")
+            raise InputError("out", str(path), "it is there already and no results of a sweep; choose another folder")
         draft = place / f"{NAME}.new"  # so that a store is there whole or not at all
         shutil.rmtree(draft, ignore_errors=True)
         try:
@@ -121,7 +121,7 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
             free = shutil.disk_usage(place).free
             if need > free:
                 said = f"the results need {need / 1e6:.3g} MB, the disk has {free / 1e6:.3g} MB"
-                raise InputError("--out", str(place), said)
+                raise InputError("out", str(place), said)
             with _full(None, place):
                 _create(zarr.open_group(draft, mode="w"), sweep, block)
                 draft.rename(path)
@@ -137,11 +137,11 @@ def _known(place: Path, sweep: Sweep) -> ResultStore:
         about: Any = group.attrs[KEY]
         digest, count, block = str(about["digest"]), int(about["variants"]), int(about["block"])
     except (KeyError, ValueError, TypeError, OSError):
-        raise InputError("--out", str(place / NAME), "it is no store of a sweep, or damaged") from None
+        raise InputError("out", str(place / NAME), "it is no store of a sweep, or damaged") from None
     if digest != sweep.digest:
         title = about.get("title") or "without a title"
         said = f"it holds the results of another sweep ({title}, {count} variants, hash {digest[:12]}; this one has"
-        raise InputError("--out", str(place), f"{said} {sweep.digest[:12]}); choose another folder")
+        raise InputError("out", str(place), f"{said} {sweep.digest[:12]}); choose another folder")
     return ResultStore(place, group, count, block)
 
 
@@ -240,7 +240,7 @@ def _full(store: ResultStore | None, folder: Path | None = None) -> Iterator[Non
         if store is not None:
             done = int((store.codes() != VariantOutcome.NOT_RUN).sum())
             safe = f"{done} of {store.count} variants are safe; make room and run the same command again"
-        raise InputError("--out", str(place), f"the disk is full ({error.strerror}); {safe}") from None
+        raise InputError("out", str(place), f"the disk is full ({error.strerror}); {safe}") from None
 
 
 @contextlib.contextmanager
@@ -258,5 +258,5 @@ def _alone(folder: Path) -> Iterator[None]:
 
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise InputError("--out", str(folder), "another sweep is writing to it; wait for its end") from None
+            raise InputError("out", str(folder), "another sweep is writing to it; wait for its end") from None
         yield

@@ -21,7 +21,6 @@ from ..errors import InputError, PlausibilityWarning, not_found
 
 if TYPE_CHECKING:
     from ..report.figures import formats
-    from ..specimens import Specimen
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
@@ -43,7 +42,6 @@ Set = Annotated[
         "--set", metavar="PATH=VALUE", help="Replace a parameter, such as law.turns=3.2 or thread_length='16 cm'."
     ),
 ]
-SpecimenName = Annotated[str, typer.Argument(metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")]
 Muscle = Annotated[
     str, typer.Option("--muscle", metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")
 ]
@@ -261,13 +259,6 @@ def writable(option: str, path: Path | None, *endings: str) -> None:
         raise InputError(option, str(path), f"must be a name that ends in {' or '.join(endings)}")
     if not path.absolute().parent.is_dir():
         raise not_found(path.absolute().parent, "folder")
-
-
-def chosen_law(law: str | None, spec: Specimen) -> str:
-    """Name of the requested law, or of the specimen's own."""
-    if law is not None and not law.strip():
-        raise InputError("--law", law, f"{spec.id} states", known=spec.laws)
-    return spec.law if law is None else law
 
 
 _OPTIONS = {

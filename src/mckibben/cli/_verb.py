@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -73,15 +74,19 @@ class VerbCommand:
         examples: command lines.
         options: names of options that differ from those of their parameters.
         shorthands: flags that stand for a value, by name.
-        required: parameters that the command line wants stated.
+        required: parameters that the command line wants stated, ``out`` too.
         draw: draws the figure of an answer into a file.
         writes: what else ``--out`` takes, by its kind in `outputs`.
         written: options that name a file each.
         top: rows of rankings that are shown and written where ``--top`` states no other; 0 for all, without the option.
         doing: word for what takes long, and the number of its stages by what was given.
-        pair: example of a value that is NAME=VALUE.
+        around: opens what the verb needs while it runs, such as a bar of progress, by what was given; yields values of
+            further parameters.
+        pairs: examples of values that are NAME=VALUE, or PATH=VALUE of what is no muscle, by parameter.
         failed: exit code where what was asked for was not reached.
         check: refuses files that what was typed cannot have, before anything is computed.
+        from_files: values of parameters that follow from the names of files, such as the id of a specimen.
+        note: sentence behind the words of ``--out``.
     """
 
     place: str
@@ -95,15 +100,22 @@ class VerbCommand:
     written: Mapping[str, Written] = field(default_factory=dict)
     top: int = 0
     doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
-    pair: str = ""
+    around: Callable[[Mapping[str, Any]], AbstractContextManager[Mapping[str, Any]]] | None = None
+    pairs: Mapping[str, str] = field(default_factory=dict)
     failed: int = 1
     check: Callable[[Mapping[str, Any], OutputFiles], None] | None = None
+    from_files: Callable[[OutputFiles], Mapping[str, Any]] | None = None
+    note: str = ""
 
     def option(self, parameter: str) -> str:
         """The option of a parameter; a flag that is set by default has one that takes it away."""
         one = verbs.described(self.place).parameters.get(parameter)
         name = (SINGULAR | dict(self.options)).get(parameter, parameter).replace("_", "-")
         return f"--no-{name}" if one is not None and one.flag and one.default else f"--{name}"
+
+    def is_argument(self, p: verbs.Parameter) -> bool:
+        """Whether a parameter is typed without a name, as it is in Python unless it has an option."""
+        return not p.keyword and (p.required or p.name not in self.options)
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
@@ -121,7 +133,12 @@ class VerbCommand:
         if self.top:
             rows = typer.Option("--top", metavar="N", min=1, help="Number of rows shown of each ranking.")
             parameters.append(_keyword("top", Annotated[int, rows], self.top))
-        parameters += [_keyword("out", Annotated[Paths, self.outputs.option()], None), _keyword("as_json", Json, False)]
+        if self.outputs.kinds:
+            option = self.outputs.option(note=self.note)
+            needed = "out" in self.required
+            kind = Annotated[list[Path] if needed else Paths, option]
+            parameters.append(_keyword("out", kind, inspect.Parameter.empty if needed else None))
+        parameters.append(_keyword("as_json", Json, False))
 
         def run(**values: Any) -> None:
             self.run(values)
@@ -135,16 +152,18 @@ class VerbCommand:
     def _parameter(self, p: verbs.Parameter) -> inspect.Parameter:
         word = p.type.word
         taken: Any = list[str] if "=" in word or (p.many and not p.type.unit) else int if word == "N" else str
-        if p.required and not p.keyword:
-            optional = p.several and p.name not in self.required
-            taken = taken | None if optional else taken
-            kind = Annotated[taken, typer.Argument(metavar=word, help=p.about)]
-            default = None if optional else inspect.Parameter.empty
-            return inspect.Parameter(p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=kind, default=default)
+        if self.is_argument(p):
+            optional = not p.required or (p.several and p.name not in self.required)
+            taken = taken | None if optional and p.default is None else taken
+            argument = typer.Argument(metavar=word, help=p.about)
+            default = p.default if optional else inspect.Parameter.empty
+            return inspect.Parameter(
+                p.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Annotated[taken, argument], default=default
+            )
         if p.flag:
             about = f"Do not {p.about[:1].lower()}{p.about[1:]}" if p.default else p.about
             return _keyword(p.name, Annotated[bool, typer.Option(self.option(p.name), help=about)], False)
-        option = typer.Option(self.option(p.name), metavar=word, help=p.about)
+        option = typer.Option(self.option(p.name), metavar=word, help=p.about, min=p.type.least)
         if p.required or p.name in self.required:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
@@ -152,14 +171,15 @@ class VerbCommand:
     def run(self, values: dict[str, Any]) -> None:
         """Ask the verb, write and print its answer; `values` are those of the parser, by parameter."""
         verb = verbs.described(self.place)
-        paths, as_json, top = values.pop("out"), values.pop("as_json"), values.pop("top", None)
+        as_json, top = values.pop("as_json"), values.pop("top", None)
+        paths = values.pop("out") if self.outputs.kinds else None
         beside = {name: values.pop(name) for name in self.written}
         for name, path in beside.items():
             writable(f"--{name}", path, self.written[name].suffix)
         with self.outputs.files(paths) as files:
             if self.check is not None:
                 self.check(values, files)
-            answer = self._answer(verb, values)
+            answer = self._answer(verb, values, {} if self.from_files is None else self.from_files(files))
             expect_cautions(())  # the answer has those about typed values
             writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
             more: list[str] = []  # files that go with those that were named
@@ -173,13 +193,17 @@ class VerbCommand:
             answer = answer if top is None else answer.first(top)
             content = answer.to_dict()
             content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
+            if "recording" in self.outputs.kinds:
+                recorded = files.first("recording")
+                content["file"] = None if recorded is None else str(recorded)
             if more:
                 content["files"] = more
             if about:
                 content["about_files"] = [named(one, self._called) for one in about]
             if files["table"]:
                 files.write_columns(answer.data(), answer.column_units())
-            files.write_result(content)
+            if "result" in self.outputs.kinds:
+                files.write_result(content)
             if as_json:
                 print_json(content)
             else:
@@ -195,7 +219,7 @@ class VerbCommand:
         if failure is not None:
             raise typer.Exit(self.failed)
 
-    def _answer(self, verb: verbs.Description, values: dict[str, Any]) -> Answer:
+    def _answer(self, verb: verbs.Description, values: dict[str, Any], more: Mapping[str, Any]) -> Answer:
         for name, one in self.shorthands.items():
             if values[name]:
                 if values[one.parameter] is not None:
@@ -204,12 +228,16 @@ class VerbCommand:
                     )
                 values[one.parameter] = one.value
         given = {p.name: self._given(p, values[p.name]) for p in _typed(verb) if values[p.name] not in (None, (), [])}
+        given |= more
         for p in verb.parameters.values():
             if p.parts:
                 stated = {part.name: given.pop(part.name) for part in p.parts if part.name in given}
                 given |= {p.name: stated} if stated else {}
         ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
         with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
+            if self.around is not None:
+                with self.around(given) as opened:
+                    return ask(given | dict(opened))
             if self.doing is None:
                 return ask(given)
             title, stages = self.doing
@@ -218,16 +246,18 @@ class VerbCommand:
 
     def _called(self, parameter: str) -> str:
         one = verbs.described(self.place).parameters.get(parameter)
-        return parameter if one is not None and one.required and not one.keyword else self.option(parameter)
+        return parameter if one is not None and self.is_argument(one) else self.option(parameter)
 
     def _given(self, p: verbs.Parameter, value: Any) -> Any:
         """A value as the verb takes it: of NAME=VALUE a table, in which columns may be numbers."""
         word = p.type.word
         if p.flag and p.default:
             return not value  # --no-lines
-        if not word.startswith("NAME="):
-            return assignments(value) if word == "PATH=VALUE" else value
-        named = pairs(value, self.option(p.name), PAIRS.get(word, self.pair))
+        if word == "PATH=VALUE" and p.name not in self.pairs:
+            return assignments(value)
+        if "=" not in word:
+            return value
+        named = pairs(value, self.option(p.name), self.pairs.get(p.name) or PAIRS[word])
         return {name: int(one) if word == "NAME=COLUMN" and one.isdecimal() else one for name, one in named.items()}
 
 
@@ -296,7 +326,7 @@ class VerbsCommand:
             if kind and kind not in chosen.command.outputs.kinds:
                 raise InputError("--out", None, f"is allowed only without {chosen.typed} for the {kind} {path}")
         given = [one for name in arguments for one in values[name]]
-        takes = next(name for name, p in known.items() if p.required and not p.keyword)
+        takes = next(name for name, p in known.items() if not p.keyword)
         if len(given) > 1:
             raise InputError("file", ", ".join(given), f"must be one {takes}, alone")
         found = {name: values[name] for name in (*_options(chosen.command), "out", "as_json") if name in values}

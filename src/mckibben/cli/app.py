@@ -38,11 +38,11 @@ CACHE = ("Error writing persistent compilation cache", "Error reading persistent
 # when the command is called, for most of them load what computes, which takes a second. A group has no function. A name of
 # `registry.PACKAGES` stands for a package that announces the command: asking it for its lines would make every help slow.
 COMMANDS: dict[str, tuple[str, str]] = {
-    "muscles": ("catalogue:list_muscles", "List the muscles that ship, with their sources."),
-    "show": ("muscles:show", "Show the parameters of a muscle with their units and sources, and its law."),
+    "muscles": ("verb_commands:muscles", "List the muscles that ship, with their sources."),
+    "show": ("verb_commands:show", "Show the parameters of a muscle with their units and sources, and its law."),
     "tension": ("verb_commands:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
     "braid": (
-        "braid:braid",
+        "verb_commands:braid",
         "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
     ),
     "read": (
@@ -61,10 +61,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "check:check_law",
         "Check a tension law or friction of your own: energy, push, potential, derivatives, units, kernel.",
     ),
-    "protocols": ("catalogue:protocols", "List the protocols, or describe one of them with all its numbers."),
+    "protocols": ("verb_commands:protocols", "List the protocols, or describe one of them with all its numbers."),
     "run": ("run:run_protocol", "Run a protocol on a test machine; nothing moves until the dry run passes."),
     "joint": (
-        "joint:run_joint",
+        "verb_commands:joint",
         "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
     ),
     "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
@@ -95,9 +95,15 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "benchmark",
         "Train models on measured tasks, and score their predictions of what they were not shown.",
     ),
-    "parts": ("parts:list_parts", "List valves, tubes, gas sources, laws and muscles with numbers, units and sources."),
+    "parts": (
+        "verb_commands:parts",
+        "List valves, tubes, gas sources, laws and muscles with numbers, units and sources.",
+    ),
     "size": ("verb_commands:size", "Find the muscle, valve, tube and gas source for a force and a stroke."),
-    "sweep": ("sweep:sweep", "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr."),
+    "sweep": (
+        "verb_commands:sweep",
+        "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr.",
+    ),
     "export": (
         "hosts",
         "Export a muscle with its air as a part of another program: spans in, tensions out.",
@@ -108,14 +114,20 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),
     "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
-    "circuit show": ("circuit:show", "Describe a circuit, its fastest mode, and the method with which a run begins."),
-    "circuit run": ("circuit:run", "Run a circuit, close its balances of mass and energy, and save the recording."),
+    "circuit show": (
+        "verb_commands:circuit_show",
+        "Describe a circuit, its fastest mode, and the method with which a run begins.",
+    ),
+    "circuit run": (
+        "verb_commands:circuit_run",
+        "Run a circuit, close its balances of mass and energy, and save the recording.",
+    ),
     "circuit frequency": (
-        "circuit:frequency",
+        "verb_commands:circuit_frequency",
         "Compute the frequency response of a circuit that is linearised at rest.",
     ),
     "circuit fit": (
-        "circuit:fit",
+        "verb_commands:circuit_fit",
         "Fit a circuit's parameters to records of its pressures, and predict other records.",
     ),
     "record": ("", "Show, plot, report on, analyse, convert and repair recordings."),

@@ -25,6 +25,7 @@ from ..bench import rig as rigs
 from ..bench import run as protocol_run
 from ..documents import JsonValue
 from ..errors import EmptyRunError, InputError
+from ..experiments import read as reading
 from ..quantities import parse, with_unit
 from ..recordings import calibration_file
 from ..report.figures import fit_figures, recording_figures, style
@@ -48,7 +49,6 @@ from ._terminal import (
     table,
     writable,
 )
-from .catalogue import chosen_protocol
 
 if TYPE_CHECKING:
     from ..batch.posterior import PredictedRun
@@ -56,13 +56,14 @@ if TYPE_CHECKING:
     from ..bench.prepare import PreparedRun
     from ..bench.rig import Rig
     from ..experiments.dry_run import Finding
+    from ..experiments.protocol import Protocol
     from ..identification import Posterior
     from ..recordings.recording import Recording
 
 DRAWS = 40  # samples of a posterior that are run
 _EXAMPLE = "pressure='5 bar', rig.plumbing.direct.tube.length='1 m' or muscle.law.passive_stiffness='3 N/cm'"
 
-Protocol = Annotated[str, typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file.")]
+ProtocolName = Annotated[str, typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file.")]
 Change = Annotated[
     list[str] | None,
     typer.Option(
@@ -97,7 +98,7 @@ OUT = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
 
 
 def run_protocol(
-    protocol: Protocol,
+    protocol: ProtocolName,
     muscle: Muscle,
     rig: RigName = "paper",
     law: Law = None,
@@ -289,7 +290,7 @@ def _predicted(
     """The run with the parameters of some samples of a posterior, simulated."""
     spec = muscle_specimen(muscle)
     template = run_template.make_template(
-        chosen_protocol(protocol, []),
+        reading.named_protocol(protocol, {}),
         muscle,
         rig,
         specimens={muscle: spec if law is None else dataclasses.replace(spec, law=law)},
@@ -344,8 +345,7 @@ def _run_biological(
             values[path] = parse(words, declared.unit, field=f"--set {key}")
             declared.check(f"--set {key}", values[path])
     subject = subject._replace(muscle=components.paths.put(subject.muscle, values))
-    of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
-    wanted = chosen_protocol(protocol, of_protocol)
+    wanted = _protocol(protocol, changes)
     if dry:
         biological_run.check_protocol(subject.muscle, wanted)
         duration = wanted.expand(rest_length=float(subject.muscle.rest_length)).duration
@@ -445,7 +445,6 @@ def prepared(
 ) -> PreparedRun:
     """Prepare a run from the options of the command line."""
     changes = pairs(change, "--set", _EXAMPLE)
-    of_protocol = [f"{k}={v}" for k, v in changes.items() if not k.startswith(("rig.", "muscle."))]
     spec = muscle_specimen(muscle)
     unit = build.rig_unit(spec, law=law)
     values = {}
@@ -457,7 +456,17 @@ def prepared(
             declared.check(f"--set {key}", values[path])
     spec, unit = build.with_parameters(spec, unit, values, law=law)
     on = chosen_rig(rig, changes, calibration)
-    return preparation.prepare(chosen_protocol(protocol, of_protocol), muscle=spec, unit=unit, rig=on, **options)
+    return preparation.prepare(_protocol(protocol, changes), muscle=spec, unit=unit, rig=on, **options)
+
+
+def _protocol(name: str, changes: Mapping[str, str]) -> Protocol:
+    """The protocol with its own values of ``--set``."""
+    try:
+        return reading.changed_protocol(
+            name, {k: v for k, v in changes.items() if not k.startswith(("rig.", "muscle."))}
+        )
+    except InputError as error:
+        raise error.changed(field=error.field.replace("changes.", "--set ")) from None
 
 
 def chosen_rig(name: str, changes: Mapping[str, str], calibration: Path | None = None) -> Rig:

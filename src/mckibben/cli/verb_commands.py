@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, PlausibilityWarning
-from ._outputs import FIGURE, OBJECT, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds
+from . import _progress
+from ._outputs import FIGURE, OBJECT, RECORDING, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds, write_recording
 from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 
 if TYPE_CHECKING:
@@ -16,14 +20,102 @@ if TYPE_CHECKING:
     from ..analysis.energy_parts import EnergyAccount
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
+    from ..experiments.description import ProtocolDescription
+    from ..studies.circuits import CircuitDescription, CircuitRecording, CircuitResponse, FittedCircuit
     from ..studies.comparison import MuscleTable
+    from ..studies.description import BraidDescription, MuscleDescription
     from ..studies.fitting import FittedFriction, FittedTables
+    from ..studies.joint_run import JointRecording
     from ..studies.next_measurement import NextMeasurement, NextReadings
     from ..studies.sizing import Sizing
     from ..studies.tube_study import TubeStudy
 
 ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
+STUDY = OutputKinds(figure=FIGURE, result=OBJECT)
+RECORDED = OutputKinds(recording=RECORDING, figure=FIGURE, result=OBJECT)
 DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
+
+
+muscles = VerbCommand("studies.description:list_muscles", ANSWERED, ("muscles --out muscles.csv",))
+
+
+def _draw_law(answer: MuscleDescription, path: Path) -> None:
+    from ..report.figures import muscle_figures, style
+
+    if answer.specimen.kind != "mckibben":
+        raise InputError("--out", answer.specimen.id, "curves are drawn for McKibben muscles only")
+    style.save(muscle_figures.law_curves(answer.law, title=answer.specimen.title), path)
+
+
+def _save_shown(answer: MuscleDescription, path: Path) -> None:
+    from ..specimens import save_specimen
+
+    save_specimen(answer.specimen, path)
+
+
+show = VerbCommand(
+    "studies.description:describe_muscle",
+    OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN),
+    ("show nylon --out nylon.svg",),
+    draw=_draw_law,
+    writes={"specimen": _save_shown},
+)
+
+
+def _save_braid(answer: BraidDescription, path: Path) -> None:
+    from .._version import __version__
+    from ..specimens import save_specimen
+
+    heading = f"computed by mckibben {__version__} from the dimensions of a braid; not measured"
+    save_specimen(answer.specimen, path, heading=heading)
+
+
+def _name_of_braid(files: OutputFiles) -> dict[str, str]:
+    path = files.first("specimen")
+    return {} if path is None else {"name": re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-.") or "braid"}
+
+
+braid = VerbCommand(
+    "studies.description:describe_braid",
+    OutputKinds(specimen=SPECIMEN, result=OBJECT),
+    (
+        "braid --length '300 mm' --angle '25 deg' --diameter '12 mm' --thread '0.25 mm' --bladder '1 mm' --out my.toml",
+    ),
+    options={
+        "rest_length": "length", "braid_angle": "angle", "thread_diameter": "thread", "bladder_thickness": "bladder",
+    },
+    writes={"specimen": _save_braid},
+    from_files=_name_of_braid,
+    note="Every other command takes the specimen.",
+)  # fmt: skip
+parts = VerbCommand(
+    "studies.parts:find_parts",
+    ANSWERED,
+    ("parts valves --min-flow '300 l/min' --out valves.csv",),
+    note="A table has one row per number, in SI units.",
+)
+
+
+def _check_described(given: Mapping[str, Any], files: OutputFiles) -> None:
+    if given["protocol"] is None and any(files[kind] for kind in files):
+        raise InputError("--out", None, "is allowed only after the name of one")
+
+
+def _write_described(answer: ProtocolDescription, path: Path) -> None:
+    from ..documents import write_text
+
+    write_text(path, answer.toml.rstrip("\n") + "\n")
+
+
+protocols = VerbCommand(
+    "experiments.description:describe_protocol",
+    OutputKinds(protocol=SPECIMEN, result=OBJECT),
+    ("protocols work-loop --set cycles=3 --out my.toml",),
+    options={"changes": "set"},
+    writes={"protocol": _write_described},
+    pairs={"changes": "pressure='1 bar, 3 bar'"},
+    check=_check_described,
+)
 
 
 tension = VerbCommand(
@@ -133,7 +225,167 @@ compare = VerbCommand(
     draw=_draw_compared,
     writes={"report": lambda answer, path: answer.report(path)},
     doing=("comparing", _compare_stages),
-    pair="phase='60 deg' or duty=0.3",
+    pairs={"stimulation": "phase='60 deg' or duty=0.3"},
+)
+
+
+# ---- circuits
+
+TUBE = "elements.tube.length='2 m'"
+
+
+def _draw_circuit(answer: CircuitDescription, path: Path) -> None:
+    from ..report.figures import circuit_diagram, style
+
+    plan = answer.plan
+    room = float(plan.environment.pressure_abs)
+    pressures = {name: start + room for name, start in plan.starts.items()}
+    # what the file says of a muscle; a junction's own volume is nothing that a person gave
+    said = {
+        name: "" if n.needs_volume else "\n".join(n.words.split(", ")[:2])
+        for name, n in plan.nodes.items()
+        if n.needs_volume or n.law is not None
+    }
+    style.save(circuit_diagram.draw(plan.circuit, title=plan.title, pressures=pressures, subtitles=said), path)
+
+
+def _write_recording(answer: Any, path: Path) -> None:
+    write_recording(answer.recording, path)
+
+
+def _draw_run(answer: CircuitRecording, path: Path) -> None:
+    from ..report.figures import run_figures, style
+
+    style.save(run_figures.run_figure(answer.recording), path)
+
+
+@contextlib.contextmanager
+def _circuit_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    with _progress.progress("running", 1.0, guarded=False) as bar:  # it ends by itself with what it has
+        yield {"progress": bar.at}
+
+
+def _draw_circuit_response(answer: CircuitResponse, path: Path) -> None:
+    from ..report.figures import analysis_figures, style
+
+    about = f"about rest at {answer.about}" if answer.about else ""
+    titles = analysis_figures.BodeTitles(f"{answer.title}: {answer.target} over {answer.source}", about, answer.unit)
+    style.save(analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff()), path)
+
+
+def _draw_circuit_fit(answer: FittedCircuit, path: Path) -> None:
+    from ..report.figures import run_figures, style
+
+    style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path)
+
+
+def _circuit_evaluations(given: Mapping[str, Any]) -> int:
+    from ..identification.circuit_fit import EVALUATIONS
+
+    return EVALUATIONS
+
+
+circuit_show = VerbCommand(
+    "studies.circuits:describe_circuit",
+    STUDY,
+    ("circuit show bench.toml --out bench.svg",),
+    options={"changes": "set"},
+    pairs={"changes": TUBE},
+    draw=_draw_circuit,
+)
+circuit_run = VerbCommand(
+    "studies.circuits:record_circuit",
+    RECORDED,
+    ("circuit run bench.toml --set elements.tube.length='2 m' --out bench.nc --out bench.svg",),
+    options={"changes": "set"},
+    pairs={"changes": TUBE},
+    draw=_draw_run,
+    writes={"recording": _write_recording},
+    around=_circuit_bar,
+    failed=_progress.INTERRUPTED,
+)
+circuit_frequency = VerbCommand(
+    "studies.circuits:circuit_response",
+    DRAWN,
+    ("circuit frequency bench.toml --input valve.command --output muscle.pressure_abs --out bode.svg",),
+    options={"source": "input", "target": "output", "lowest": "from", "highest": "to", "changes": "set"},
+    pairs={"changes": TUBE},
+    draw=_draw_circuit_response,
+    doing=("settling", lambda given: None),
+)
+circuit_fit = VerbCommand(
+    "studies.circuits:fit_circuit_file",
+    DRAWN,
+    (
+        "circuit fit bench.toml measured.csv --free elements.tube.friction_scale --out fit.svg",
+        "circuit fit bench.toml measured.csv --free elements.valve.conductance --posterior --out fit.json",
+    ),
+    options={"changes": "set"},
+    pairs={
+        "changes": TUBE,
+        "start": "elements.tube.ends=2",
+        "columns": "tank.pressure=2",
+        "units": "tank.pressure=kPa",
+    },
+    draw=_draw_circuit_fit,
+    doing=("fitting", _circuit_evaluations),
+)
+
+
+# ---- joint and sweep
+
+
+def _draw_joint(answer: JointRecording, path: Path) -> None:
+    from ..report.figures import recording_figures, run_figures, style
+
+    draw = run_figures.joint_figure if answer.controlled else recording_figures.time_figure
+    style.save(draw(answer.recording), path)
+
+
+@contextlib.contextmanager
+def _joint_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    with _progress.progress("running", None if "angle" in given else 1.0) as bar:
+        yield {"progress": bar.at}
+
+
+joint = VerbCommand(
+    "studies.joint_run:record_joint",
+    RECORDED,
+    ("joint nylon --command 'flexor=0, 0.3 @ 50 ms' --duration '0.3 s' --out joint.nc",),
+    options={"commands": "command"},
+    pairs={"commands": "flexor='0, 0.3 @ 0.2 s'"},
+    draw=_draw_joint,
+    writes={"recording": _write_recording},
+    around=_joint_bar,
+)
+
+
+@contextlib.contextmanager
+def _sweep_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    if given["dry_run"]:
+        yield {}
+        return
+    kept = {"variants": 0, "of": 0}
+
+    def saved() -> str:
+        if not kept["variants"]:
+            return f"no variant was done{'; ' + str(given['out']) + ' is as it was' if not kept['of'] else ''}"
+        done = f"{kept['variants']:,} of {kept['of']:,} variants are in {given['out']}"
+        return f"{done}, and the same command goes on with the rest"
+
+    with _progress.progress("sweep", 1.0, saved=saved) as bar:
+
+        def tell(done: float, total: int) -> None:
+            bar.reached(done, total, f"{math.floor(done):,} of {total:,} variants")
+
+        yield {"progress": tell, "stored": lambda count, total: kept.update(variants=count, of=total)}
+
+
+sweep = VerbCommand(
+    "studies.sweep_run:sweep_variants",
+    OutputKinds(),
+    ("sweep tubes.toml --out results",),
+    around=_sweep_bar,
 )
 
 
@@ -313,8 +565,6 @@ record_repeatability = VerbCommand(
 
 
 # ---- studies
-
-STUDY = OutputKinds(figure=FIGURE, result=OBJECT)
 
 
 def _draw_tube(answer: TubeStudy, path: Path) -> None:

@@ -282,6 +282,28 @@ def named_protocol(name: Protocol | str | os.PathLike[str], values: Mapping[str,
     return with_values(base, in_words(base, values)) if values else base
 
 
+def changed_protocol(name: Protocol | str | os.PathLike[str], changes: Mapping[str, float | str]) -> Protocol:
+    """A protocol by its name with changes as one types them, where one text may hold several values.
+
+    Args:
+        name: a protocol, a shipped one by its name, or the path of a ``.toml`` file.
+        changes: numbers [SI] or words by the name of a parameter, choice or setting.
+
+    Raises:
+        InputError: names what is unknown, out of bounds or in the wrong unit, as ``changes.NAME``.
+    """
+    base = named_protocol(name, {})
+    if not changes:
+        return base
+    words = {n: values_of(n, one, field=f"changes.{n}") for n, one in changes.items() if isinstance(one, str)}
+    numbers = in_words(base, {n: one for n, one in changes.items() if not isinstance(one, str)})
+    try:
+        return with_values(base, {**words, **numbers})
+    except InputError as error:
+        # a parameter is called as it was typed; the path of a step that it spoils is not
+        raise error.changed(field=f"changes.{error.field}" if error.field in changes else error.field) from None
+
+
 def in_words(protocol: Protocol, values: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
     """Values of parameters as the words of a file: a number [SI] gets the unit of its parameter.
 

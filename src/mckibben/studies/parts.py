@@ -8,14 +8,12 @@ one that circuits, rigs, `Air` and `size` take. Numbers are in SI; one that no s
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
-import io
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..accessors import implementation
+from ..answers import Answer, Column, Table
 from ..citations import known_keys, reference
 from ..documents import JsonValue, path_text
 from ..errors import InputError
@@ -24,9 +22,10 @@ from ..muscles.biological import BiologicalMuscle
 from ..muscles.laws import LAWS, law_type
 from ..pneumatics.build import known_keys as keys_of_element
 from ..pneumatics.build import passages_of, size_as, valve_from_specimen
-from ..quantities import declared, in_si
+from ..quantities import declared, in_si, with_unit
 from ..specimens import KNOWN_PROPERTIES, Specimen, SpecimenNumber, specimen, specimens
 from ..specimens import parts as published
+from ..verbs import Flow, Mass, PartName, verb
 
 if TYPE_CHECKING:
     import pandas
@@ -46,6 +45,28 @@ NAMED_IN: dict[str, str] = {
     "laws": '--law {id} of every command with a muscle; mk.law("{id}", ..)',
     "muscles": 'the muscle of every command and page; mk.muscle("{id}")',
 }
+# Numbers in the list of each kind: name, title, SI unit, and unit in which it is shown.
+LISTED: dict[str, tuple[tuple[str, str, str, str], ...]] = {
+    "valves": (
+        ("nominal_flow", "nominal flow", "m^3/s", "l/min"), ("mass", "mass", "kg", "g"), ("current", "current", "A", "A"),
+        ("voltage", "voltage", "V", "V"),
+    ),
+    "tubes": (
+        ("inner_diameter", "inside", "m", "mm"), ("outer_diameter", "outside", "m", "mm"),
+        ("bend_radius", "bends to", "m", "mm"), ("modulus", "modulus", "Pa", "MPa"),
+        ("density", "density", "kg/m^3", "kg/m^3"),
+    ),
+    "sources": (
+        ("pressure", "pressure", "Pa", "bar"), ("filling", "filling", "kg", "g"),
+        ("free_flow", "free flow", "m^3/s", "l/min"), ("stored_energy", "battery", "J", "kJ"), ("mass", "mass", "kg", "kg"),
+    ),
+    "laws": (),
+    "muscles": (
+        ("rest_length", "rest length", "m", "mm"), ("bore", "bore", "m", "mm"), ("rated_pressure", "rated", "Pa", "bar"),
+    ),
+}  # fmt: skip
+ALSO = {"bore": "rest_inner_diameter"}  # another name of a number, in specimens
+FORMS = {"valves": "element", "sources": "form", "muscles": "law"}
 CUT_TO_LENGTH = "mckibben size, which cuts it to the length that is needed"
 
 
@@ -121,6 +142,22 @@ class ListedPart:
         numbers = [n._asdict() for n in self.numbers]
         return {**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, "numbers": numbers}
 
+    def table(self) -> Table:
+        """Its numbers with range, source and note."""
+        rows = [
+            {"number": n.name, "value": n.value, "unit": n.unit, "note": n.note}
+            | {"source": "inferred" if n.inferred else n.source}
+            | {
+                "range": ""
+                if n.low is None or n.high is None
+                else " to ".join(with_unit(x, n.unit) for x in (n.low, n.high))
+            }
+            for n in self.numbers
+        ]
+        columns = (Column("number"), Column("value", own="unit"), Column("range", right=True), Column("source"))
+        title = f"{self.id}: {self.title} ({self.kind}{f', {self.form}' if self.form else ''})"
+        return Table("\n".join([title, *([self.note] if self.note else [])]), (*columns, Column("note")), rows)
+
     def to_dataframe(self) -> pandas.DataFrame:
         """One row per number: value, unit, range, source, whether it is inferred, note.
 
@@ -133,11 +170,11 @@ class ListedPart:
         return f"ListedPart({self.id!r}, {self.kind}: {self.title}, {len(self.numbers)} numbers)"
 
     def _repr_html_(self) -> str:
-        return str(implementation("part_html")(self))
+        return self.table()._repr_html_()
 
 
 def list_parts(
-    kind: str | None = None, *, min_flow: float | None = None, max_mass: float | None = None
+    kind: str | None = None, *, min_flow: Flow | None = None, max_mass: Mass | None = None
 ) -> tuple[ListedPart, ...]:
     """List the parts of the catalogue.
 
@@ -245,13 +282,85 @@ def rows_of(some: Iterable[ListedPart]) -> list[dict[str, JsonValue]]:
     return rows
 
 
-def csv_of(some: Iterable[ListedPart]) -> str:
-    """Text of a .csv file of parts, one row per number in SI units."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows_of(some))
-    return text.getvalue()
+@dataclass(frozen=True)
+class FoundParts(Answer):
+    """Parts of the catalogue: what `find_parts` finds.
+
+    Attributes:
+        parts: in the order of `KINDS`.
+        named: whether it is one part that was asked for by its name.
+    """
+
+    parts: tuple[ListedPart, ...]
+    named: bool = False
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Each part with all its numbers [SI]."""
+        return {"parts": [one.to_dict() for one in self.parts]}
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row of `COLUMNS` per number."""
+        return rows_of(self.parts)
+
+    def tables(self) -> list[Table]:
+        """The page of the part that was named, or a list of each kind."""
+        if self.named:
+            return [self.parts[0].table()]
+        kinds = {kind: [one for one in self.parts if one.kind == kind] for kind in KINDS}
+        return [_list_of(kind, some) for kind, some in kinds.items() if some]
+
+    def remarks(self) -> list[str]:
+        """References and uses of the part that was named, or what a star means in the lists."""
+        if self.named:
+            (one,) = self.parts
+            return [*one.references(), f"Its name can be used in: {one.named_in}."]
+        pages = "mckibben parts NAME shows every number with its source and range."
+        return [f"* inferred: no source at hand prints it. {pages}" if self.parts else "No part fits."]
+
+
+def _list_of(kind: str, some: Iterable[ListedPart]) -> Table:
+    rows: list[dict[str, Any]] = []
+    for one in some:
+        row = {"name": one.id, "title": one.title, "form": one.form, "numbers": len(one.numbers)}
+        row |= {"inferred": len(one.inferred()), "parameters": ", ".join(n.name for n in one.numbers)}
+        for name, *_ in LISTED[kind]:
+            number = one.number(name) or one.number(ALSO.get(name, ""))
+            if number is not None and number.value is not None:
+                row |= {name: number.value, f"{name} inferred": number.inferred}
+        rows.append(row)
+    stated = [
+        Column(name, title, unit, shown=shown, star=f"{name} inferred")
+        for name, title, unit, shown in LISTED[kind]
+        if any(name in row for row in rows)
+    ]
+    form = [Column("form", FORMS[kind])] if kind in FORMS else []
+    counts = [Column("numbers", right=True), Column("inferred", right=True)]
+    last = [Column("parameters")] if kind == "laws" else counts
+    return Table(KINDS[kind], (Column("name"), Column("title", "what it is"), *form, *stated, *last), rows)
+
+
+@verb
+def find_parts(
+    what: PartName | None = None, *, min_flow: Flow | None = None, max_mass: Mass | None = None
+) -> FoundParts:
+    """List valves, tubes, gas sources, laws and muscles with numbers, units and sources.
+
+    Args:
+        what: kind to list: valves, tubes, sources, laws or muscles; or the name of a part, whose page is shown.
+        min_flow: least nominal flow of a valve, or free flow of a compressor [m^3/s], such as '100 l/min'.
+        max_mass: largest mass [kg], such as '300 g'.
+
+    Raises:
+        InputError: there is no such kind or part, or none of the parts states what is compared.
+
+    Examples:
+        >>> from mckibben.studies.parts import find_parts
+        >>> [one.id for one in find_parts("valves", min_flow="500 l/min").parts]
+        ['MPYE-5-1-4', 'MPYE-5-1-8-HF']
+    """
+    if what is not None and what not in KINDS and min_flow is None and max_mass is None:
+        return FoundParts((part(what),), named=True)
+    return FoundParts(list_parts(what, min_flow=min_flow, max_mass=max_mass))
 
 
 # ---- where they come from

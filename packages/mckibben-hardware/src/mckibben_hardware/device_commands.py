@@ -13,7 +13,7 @@ from mckibben.bench import hardware, rig_file, segment
 from mckibben.cli._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Paths, write_recording
 from mckibben.cli._progress import progress
 from mckibben.cli._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, table
-from mckibben.cli.run import Change, On, Protocol, prepared
+from mckibben.cli.run import Change, On, ProtocolName, prepared
 from mckibben.documents import JsonValue, write_text
 from mckibben.errors import InputError
 from mckibben.quantities import parse
@@ -25,7 +25,7 @@ LONGEST_SERVICE = 31_557_600.0  # [s]; a longer one is a slip
 
 
 def serve(
-    protocol: Protocol,
+    protocol: ProtocolName,
     muscle: Muscle,
     rig: RigName = "paper",
     change: Change = None,

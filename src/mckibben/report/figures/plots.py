@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from ...identification.posterior import Posterior
     from ...identification.ranking import Ranking
     from ...studies.comparison import MuscleTable
-    from ...studies.parts import ListedPart
     from ...studies.sizing import Sizing
 
 PRESSURES = "1:5 bar"
@@ -487,16 +486,6 @@ def recording_html(recording: Recording) -> str:
         rows.append((name, s["kind"], low, high, _unit(s["unit"]), recording.channels[name].meaning))
     head = ("channel", "kind", "lowest", "highest", "unit", "meaning")
     return _table(str(recording.meta.get("title", "Recording")), repr(recording), head, rows)
-
-
-def part_html(part: ListedPart) -> str:
-    """A part of the catalogue as a table of its numbers."""
-    rows = []
-    for n in part.numbers:
-        value = ("", _unit(n.unit)) if n.value is None else _value(n.value, n.unit)
-        span = "" if n.low is None or n.high is None else " to ".join(_value(end, n.unit)[0] for end in (n.low, n.high))
-        rows.append((n.name, *value, span, "inferred" if n.inferred else n.source, n.note))
-    return _table(part.title, repr(part), ("number", "value", "unit", "range", "source", "note"), rows)
 
 
 def _picture(ax: Axes) -> str:
