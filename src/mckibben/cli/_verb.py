@@ -136,8 +136,8 @@ class VerbCommand:
         if self.outputs.kinds:
             option = self.outputs.option(note=self.note)
             needed = "out" in self.required
-            kind = Annotated[list[Path] if needed else Paths, option]
-            parameters.append(_keyword("out", kind, inspect.Parameter.empty if needed else None))
+            several: Any = list[Path] if needed else Paths
+            parameters.append(_keyword("out", Annotated[several, option], inspect.Parameter.empty if needed else None))
         parameters.append(_keyword("as_json", Json, False))
 
         def run(**values: Any) -> None:
