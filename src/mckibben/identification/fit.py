@@ -190,7 +190,7 @@ class Fit(FittedLaw):
 
     @property
     def misses(self) -> bool:
-        """Whether points that were left out are missed by more than tensions scatter about their mean, as by no law at all."""
+        """Whether points that were left out are missed by more than tensions scatter about their mean."""
         error = self.left_out_rmse
         return error is not None and error > float(np.std(self.points.tension[self.points.taut]))
 
