@@ -96,12 +96,25 @@ def _restored(kind: type[MckibbenError], args: tuple[Any, ...]) -> MckibbenError
     return kind.__new__(kind, *args)
 
 
+# Arguments of Python that put right what a file does not say, by the first word of a remedy.
+ARGUMENTS = {
+    "column": "columns={{'{}': ..}}",
+    "unit": "units={{'{}': ..}}",
+    "scale": "scales={{'{}': ..}}",
+    "decimal": "decimal='.' or decimal=','",
+    "header": "header='name [unit], ..'",
+    "rest_length": "rest_length='300 mm'",
+    "sheet": "sheet='..'",
+}
+
+
 class InputError(MckibbenError, ValueError):
     """A value given by the user is not allowed.
 
     The message names where the value comes from, the field, the value and what is allowed: `compose_sentence` makes it of
     these, unless a whole `sentence` is given. `remedy` is what the caller could state to put it right, such as
-    ``column pressure``, for an edge that has words of its own for it.
+    ``column pressure``: the message ends with the argument of Python, and an edge that has words of its own for it makes
+    the error anew without.
 
     Examples:
         >>> import mckibben as mk
@@ -128,7 +141,9 @@ class InputError(MckibbenError, ValueError):
         self.sentence, self.remedy = sentence, remedy
         shown = where if where is None or where.isprintable() else repr(where)  # a name may have several lines
         place = f"{shown}: " if shown else ""
-        super().__init__(place + (sentence or compose_sentence(field, value, problem, self.known)))
+        kind, _, name = remedy.partition(" ")
+        hint = f", with {ARGUMENTS[kind].format(name)}" if kind in ARGUMENTS else ""
+        super().__init__(place + (sentence or compose_sentence(field, value, problem, self.known)) + hint)
 
     def at(self, where: str) -> InputError:
         """Return the error with its source, such as a file, the outermost first."""

@@ -270,7 +270,7 @@ class Parameter:
         words = value
         if isinstance(value, str) and not (":" in value or ";" in value or ", " in value):
             # a comma alone parts values of lists; elsewhere it may be meant as that of a decimal
-            words = split_values(value, field=self.name) if self.type.listed else [value]
+            words = split_values(value, field=self.name) if self.type.listed and value.strip() else [value]
         numbers = ParsedList(values_in_si(words, unit, field=self.name))
         numbers.text = value if isinstance(value, str) else ""
         return numbers

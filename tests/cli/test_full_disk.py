@@ -18,8 +18,10 @@ import pytest
 from test_broken_input import POSTERIOR
 
 import mckibben
+import mckibben_benchmark
 import mckibben_hardware
 import mckibben_hosts
+import mckibben_papers
 from lanewise import ArgumentError, Program, cache
 from mckibben.bench.run import prepare, run
 from mckibben.cli import _outputs, main
@@ -126,7 +128,8 @@ def test_a_characterisation_without_room_moves_nothing(said, full):
 
 def test_files_are_written_through_the_two_functions_that_leave_no_half():
     """Every other place that writes itself is known here, with the reason."""
-    folders = [Path(package.__file__).parent for package in (mckibben, mckibben_hardware, mckibben_hosts)]
+    packages = (mckibben, mckibben_benchmark, mckibben_hardware, mckibben_hosts, mckibben_papers)
+    folders = [Path(package.__file__).parent for package in packages]
     writing = re.compile(
         r"\.write_(bytes|text|parquet)\(|savefig\(|savemat\(|to_(netcdf|csv)\(|\b(?:open|fdopen)\([^)\n]*[\"'](?:[wax]b?\+?|ab|r\+b?)[\"']"
     )
@@ -148,7 +151,7 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "formats/exchange.py",  # called by write_whole
         "web/bench/chosen.py",  # onto a shelf, which writes whole files
         "web/pages/circuit/__init__.py",  # the same
-        "web/pages/paper/jobs.py",  # into memory
+        "page/jobs.py",  # into memory
         "web/server.py",  # what opens the browser: a file of the session's own
     }
 

@@ -109,6 +109,15 @@ def test_a_law_of_unknown_parameters_or_without_a_check_comes_behind_those_that_
     assert [f.law for f in rank([failed, unknown, far])] == ["gas_spring", "ideal", "thick_wall"]
 
 
+def test_a_law_that_predicts_worse_than_the_mean_of_the_table_comes_behind_all_that_do_not(fits) -> None:
+    _, ideal = fits
+    spread = float(np.std(ideal.points.tension[ideal.points.taut]))
+    open_ = {name: e._replace(low=-np.inf, high=np.inf) for name, e in ideal.parameters.items()}
+    unknown = missing(replace(ideal, parameters=open_), 0.9 * spread)
+    for error, first in ((0.95 * spread, "gas_spring"), (1.05 * spread, "ideal")):
+        assert rank([missing(replace(ideal, law="gas_spring"), error), unknown])[0].law == first
+
+
 def test_no_unchecked_law_is_saved_without_a_word(fits, tmp_path) -> None:
     thick, ideal = fits
     path = tmp_path / "saved.toml"

@@ -283,7 +283,7 @@ def describe_file(
         pressure_zero: reading of the pressure channels at zero [Pa], such as '9.2 kPa'.
         kind: read as a map or as a recording, where both are possible.
         decimal: decimal mark of a text, where its numbers fit both a point and a comma.
-        header: names of the columns with their units, where the file has none, such as 'time [ms], pressure [bar]'.
+        header: names of the columns with their units, where the file has none, such as 'time_ms, pressure_bar'.
         sheet: sheet of a spreadsheet, by name or number.
         topic: topic of a bag of ROS or an MCAP file.
         gear_ratio: gear ratio of the lever that recorded a .ddf file.

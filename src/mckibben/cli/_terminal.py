@@ -277,7 +277,8 @@ _COMMANDS = {
 def with_command(error: Exception) -> str:
     """The sentence of an error, with the command that makes what is missing."""
     command = _COMMANDS.get(getattr(error, "remedy", ""))
-    return str(error) if command is None else f"{error}, with {command}"
+    plain = error.changed(remedy="") if isinstance(error, InputError) and error.remedy else error  # no words of Python
+    return str(plain) if command is None else f"{plain}, with {command}"
 
 
 @contextmanager

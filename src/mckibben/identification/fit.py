@@ -189,6 +189,12 @@ class Fit(FittedLaw):
         return bool(np.isfinite(spans).all())
 
     @property
+    def misses(self) -> bool:
+        """Whether points that were left out are missed by more than tensions scatter about their mean."""
+        error = self.left_out_rmse
+        return error is not None and error > float(np.std(self.points.tension[self.points.taut]))
+
+    @property
     def unchecked(self) -> str:
         """Why nothing says how well the law predicts points that it was not fitted to; empty if something does."""
         failed = [f"{one.failed} of {one.groups} by {scheme}" for scheme, one in self.cross.items() if one.failed]
@@ -607,8 +613,9 @@ def fit_all(
 def rank(fits: Iterable[Fit]) -> list[Fit]:
     """Sort fits, best first: by the error of points that were left out, among the laws that were checked and are determined.
 
-    Behind them stand laws of which the data leave a parameter undetermined, then those that could not be checked because a
-    fit with points left out failed, then those that did not converge. Where nothing was left out, AICc decides. A fit with
+    Behind them stand laws of which the data leave a parameter undetermined, then those that fail the check: a fit with
+    points left out failed, or misses them by more than the tensions of the table scatter about their mean. Last are those
+    that did not converge. Where nothing was left out, AICc decides. A fit with
     degenerate parameters comes behind any other that predicts no worse than it by more than `ALIKE`, or whose AICc is larger
     by `INDIFFERENT` or less; of two that are equal the one with fewer parameters comes first.
     """
@@ -618,7 +625,7 @@ def rank(fits: Iterable[Fit]) -> list[Fit]:
         criterion = f.aicc + INDIFFERENT * empty
         # what an exact fit leaves is rounding, whose size says nothing
         score = criterion if error is None else max(error, RESOLUTION * f.points.largest) * (1.0 + ALIKE * empty)
-        return not f.converged, bool(f.unchecked), not f.determined, score, len(f.parameters), criterion
+        return not f.converged, f.misses or bool(f.unchecked), not f.determined, score, len(f.parameters), criterion
 
     return sorted(fits, key=key)
 

@@ -492,7 +492,9 @@ def verdict(f: Fit, largest: float) -> list[str]:
     words += degenerate_words(f)
     if f.holdout is not None and not f.holdout.max_error < ERRS * largest:
         words.append("does not extrapolate in pressure")
-    return words + (["some points could not be predicted"] if any(c.failed for c in f.cross.values()) else [])
+    if any(c.failed for c in f.cross.values()):
+        return [*words, "some points could not be predicted"]
+    return [*words, "misses what is left out"] if f.misses else words
 
 
 def cautions_of(f: Fit, largest: float) -> list[str]:

@@ -178,14 +178,15 @@ class Recording:
 
     @property
     def runs(self) -> tuple[Recording, ...]:
-        r"""The runs that a file of another program holds one after another, each on its own clock; else this one alone.
+        """The runs that a file of another program holds one after another, each on its own clock; else this one alone.
 
         Examples:
             >>> import mckibben as mk
-            >>> from pathlib import Path
-            >>> _ = Path("runs.csv").write_text("time [s],pressure [bar]\n0,1\n1,2\n2,3\n0,1\n1,2.1\n2,3.1\n")
-            >>> [float(run["pressure"][-1]) for run in mk.read("runs.csv").runs]
-            [300000.0, 310000.0]
+            >>> begins = [{"start": 0.0, "end": 1.0, "began": 0.0}, {"start": 2.0, "end": 3.0, "began": 0.0}]
+            >>> pulls = mk.Channel([1.0, 2.0, 1.0, 3.0], "N")
+            >>> both = mk.Recording([0.0, 1.0, 2.0, 3.0], {"tension": pulls}, {"runs": begins})
+            >>> [float(run["tension"][-1]) for run in both.runs]
+            [2.0, 3.0]
         """
         stated = self.meta.get("runs")
         if not isinstance(stated, list) or len(stated) < 2:

@@ -218,11 +218,11 @@ def next_measurement(
     *,
     fit: PosteriorFile | None = None,
     like: MuscleName | None = None,
-    parameters: Changes | None = None,
     same_rig: bool = False,
     rig: RigName | None = None,
     law: LawName | None = None,
     laws: LawPair | None = None,
+    parameters: Changes | None = None,
     budget: Duration = "5 min",
     wait: Duration = "3 s",
     length: Length | None = None,
@@ -235,11 +235,11 @@ def next_measurement(
     Args:
         fit: result of `mckibben fit --posterior --out fit.json`.
         like: specimen of whose make the muscle is, instead of a fit: where to read its force, and what that leaves.
-        parameters: replace a parameter of that specimen, such as rest_length='132 mm'.
         same_rig: the muscle is on the rig on which its make was measured; else its most contracted length is read, too.
         rig: test machine whose lengths, pressures and tensions are the limits.
         law: law of the fit whose parameters are asked for; the first where left out.
         laws: two laws of the fit to tell apart, such as gas_spring,linear_threshold, instead of the parameters of one.
+        parameters: replace a parameter of the specimen that it is like, such as rest_length='132 mm'.
         budget: machine time of the measurement [s], such as '5 min'.
         wait: hold of each point before its reading [s], for creep, such as '3 s'.
         length: length at which the tension is asked for [m], such as '12 cm', instead of the parameters; beside {like}

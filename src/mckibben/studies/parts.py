@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..answers import Answer, Column, Table
+from ..answers import Answer, Caution, Column, Table
 from ..citations import known_keys, reference
 from ..documents import JsonValue, path_text
 from ..errors import InputError
@@ -289,10 +289,12 @@ class FoundParts(Answer):
     Attributes:
         parts: in the order of `KINDS`.
         named: whether it is one part that was asked for by its name.
+        cautions: about what was asked for.
     """
 
     parts: tuple[ListedPart, ...]
     named: bool = False
+    cautions: tuple[Caution, ...] = ()
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Each part with all its numbers [SI]."""

@@ -222,7 +222,8 @@ class FitPage:
             columns.mapping(self._now, look, self._change, wrong)
             if wrong is not None:
                 chosen = getattr(wrong, "remedy", "").startswith(("column", "unit"))
-                refused(f"{str(wrong).rstrip('.')}.{' Choose it in the table above.' if chosen else ''}")
+                plain = wrong.changed(remedy="") if isinstance(wrong, InputError) else wrong
+                refused(f"{str(plain).rstrip('.')}.{' Choose it in the table above.' if chosen else ''}")
             elif points is not None:
                 text("p", jobs.used(points, self.asked), "small dim")
         if fresh:

@@ -60,13 +60,14 @@ def imported(
         read = read_any(path, columns=places or None, units=dict(units) or None, period=step, **options)
     except MckibbenError as error:
         # the file by the name that its sender gave it, not by the path of its copy
-        sentence = f"{str(error).replace(str(path), name).rstrip('.')}."
+        plain = error.changed(remedy="") if isinstance(error, InputError) else error
+        sentence = f"{str(plain).replace(str(path), name).rstrip('.')}."
         remedy, _, lacking = str(getattr(error, "remedy", "")).partition(" ")
         if remedy in ("column", "unit"):  # it can be said in the dialog
             example = f"Columns, such as {lacking}=2" if remedy == "column" else f"Units, such as {lacking}=bar"
             sentence += f" Say it under {example}."
         if isinstance(error, InputError):  # it keeps the field that is to blame
-            raise error.changed(where="", sentence=sentence) from None
+            raise error.changed(where="", sentence=sentence, remedy="") from None
         raise MckibbenError(sentence) from None
     if path.suffix.lower() in (".nc", ".mcap") and not read.recording.meta.get("source"):
         return ImportedFile(True, read.remarks)
