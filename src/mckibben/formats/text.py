@@ -292,7 +292,8 @@ def _without_words(rows: Rows, header: list[list[str]], width: int) -> tuple[Row
     kept = [(n, row) for n, row in rows if row not in header]
     remarks = [rows_left_out(again, "the header once more")] if again else []
     # A summary stands below the last number, and has a word where all rows above it have numbers: "Max", "Peak force".
-    first = min((at for at in range(width) if at not in _columns_of_words(kept[:_LOOKED_AT], width)), default=0)
+    words = _columns_of_words(kept[:_LOOKED_AT], width)
+    first = next((at for at in range(width) if at not in words), 0)
     end = len(kept)
     while end > 1 and (len(kept[end - 1][1]) <= first or _is_word(kept[end - 1][1][first])):
         end -= 1
