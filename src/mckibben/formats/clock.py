@@ -168,7 +168,10 @@ _DATE_FORMATS = (
 
 
 def parse_dates(cells: Sequence[str]) -> np.ndarray:
-    """Cells as dates (n,) datetime64[us], by the first way of writing that fits all; empty where none does."""
+    """Cells as dates (n,) datetime64[us], by the first way of writing that fits all; empty where none does.
+
+    Where day and month could be either, they are those by which the times lie closer together: no record lasts a month.
+    """
     plain = [cell.replace(",", ".") for cell in cells]
 
     def iso(cell: str) -> datetime:
@@ -177,9 +180,12 @@ def parse_dates(cells: Sequence[str]) -> np.ndarray:
     def written(form: str) -> Callable[[str], datetime]:
         return lambda cell: datetime.strptime(cell, form.replace("%S", "%S.%f") if _FRACTION.search(cell) else form)
 
+    readings = []
     for parse_cell in (iso, *map(written, _DATE_FORMATS)):
         try:
-            return np.array([parse_cell(cell) for cell in plain], "datetime64[us]")
+            readings.append(np.array([parse_cell(cell) for cell in plain], "datetime64[us]"))
         except ValueError:
             continue
-    return np.empty(0, "datetime64[us]")
+        if not plain or "/" not in plain[0] or len(readings) == 2:
+            break
+    return min(readings, key=np.ptp) if plain and readings else np.empty(0, "datetime64[us]")

@@ -363,50 +363,33 @@ def _with_points(
     Raises:
         InputError: no way of writing fits all numbers, or both ways do and would give other numbers.
     """
+    if decimal != "," and not any(
+        "," in c or c.count(".") > 1 or _GROUPED.search(c) for cells in columns for c in cells
+    ):
+        # Points alone, as nearly always: they are decimal where one number says so, as 0.5, 12.25 or 1013.2.
+        pointed = (c.strip() for cells in columns for c in cells if "." in c)
+        if decimal or any(_like_number(c) and not _WRITTEN[","].fullmatch(c) for c in pointed):
+            return [*columns], []
     marked = [
         at for at, column in enumerate(columns)
         if any("," in c or "." in c or _GROUPED.search(c) for c in column) and not _dated(column)
     ]  # fmt: skip
-    only: dict[str, list[_Witness]] = {}  # numbers that fit one way of writing alone, by its decimal mark
-    both: _Witness | None = None
-    for at in marked:
-        for cell, row in zip(columns[at], rows, strict=True):
-            cell = cell.strip()
-            if not ("." in cell or "," in cell) or not _like_number(cell):
-                continue
-            fits = [mark for mark, written in _WRITTEN.items() if written.fullmatch(cell)]
-            if len(fits) == 1:
-                only.setdefault(fits[0], []).append(_Witness(cell, row, labels[at]))
-            elif fits and both is None:
-                both = _Witness(cell, row, labels[at])
-    if decimal is None:
-        if len(only) == 2:
-            odd, usual = (numbers[0] for numbers in sorted(only.values(), key=len))
-            other = "" if usual.column == odd.column else f" of {usual.column}"
-            demand = "a file must not have both decimal points and decimal commas"
-            place = f"{odd.column}, row {odd.row}"
-            problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
-            raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
-        if both is not None and not only:
-            mark = "." if "." in both.cell else ","
-            name, small, large = _NAMES[mark], both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)
-            problem = (
-                f"{both.column}, row {both.row}: {both.cell!r} is {small} if the {name} is the decimal mark, and {large} if "
-                f"it parts thousands; all numbers of the file fit both"
-            )
-            raise InputError("decimal", None, problem, sentence=problem, where=where, remedy="decimal")
-        decimal = next(iter(only), ".")
+    decimal = decimal or _decimal_mark([(columns[at], labels[at]) for at in marked], rows, where)
     group = "." if decimal == "," else ","
     parted: _Witness | None = None
     plain: list[Sequence[str]] = list(columns)
     for at in marked:
         cells = [cell.strip() for cell in columns[at]]
         for i, cell in enumerate(cells):
-            if _like_number(cell) and (_WRITTEN[decimal].fullmatch(cell) or _ZERO.fullmatch(cell)):
-                cells[i] = re.sub(f"{_GROUP}|{re.escape(group)}", "", cell).replace(decimal, ".")
+            if _SIMPLE[decimal].fullmatch(cell):
+                cells[i] = cell.replace(decimal, ".")
+            elif not _like_number(cell):
+                continue
+            elif _WRITTEN[decimal].fullmatch(cell) or _ZERO.fullmatch(cell):
+                cells[i] = _BLANKS.sub("", cell).replace(group, "").replace(decimal, ".")
                 if parted is None and group in cell:
                     parted = _Witness(cell, rows[i], f"{cells[i]}")
-            elif _like_number(cell):  # of the other way of writing, where the mark is stated
+            else:  # of the other way of writing, where the mark is stated
                 demand = f"must be a number with a decimal {_NAMES[decimal]}"
                 raise InputError(f"{labels[at]}, row {rows[i]}", cell, demand, where=where, remedy="decimal")
         plain[at] = cells
@@ -418,9 +401,51 @@ def _with_points(
     ]
 
 
+def _decimal_mark(columns: Sequence[tuple[Sequence[str], str]], rows: Sequence[int], where: str) -> str:
+    """The decimal mark that all numbers of some columns with their labels fit.
+
+    Raises:
+        InputError: none does, or both do and would give other numbers.
+    """
+    only: dict[str, _Witness] = {}  # the first number that fits one way of writing alone, by its decimal mark
+    count = collections.Counter[str]()
+    both: _Witness | None = None
+    for cells, label in columns:
+        for cell, row in zip(cells, rows, strict=True):
+            cell = cell.strip()
+            mark = "," if "," in cell else "."
+            if mark in only and _SIMPLE[mark].fullmatch(cell):  # no witness for the other mark, whatever it is
+                count[mark] += 1
+            elif mark in cell and _like_number(cell):
+                fits = [one for one, written in _WRITTEN.items() if written.fullmatch(cell)]
+                if len(fits) == 1:
+                    only.setdefault(fits[0], _Witness(cell, row, label))
+                    count[fits[0]] += 1
+                elif fits and both is None:
+                    both = _Witness(cell, row, label)
+    if len(only) == 2:
+        odd, usual = (only[mark] for mark in sorted(only, key=lambda mark: count[mark]))
+        other = "" if usual.column == odd.column else f" of {usual.column}"
+        demand = "a file must not have both decimal points and decimal commas"
+        place = f"{odd.column}, row {odd.row}"
+        problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
+        raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
+    if both is not None and not only:
+        mark = "." if "." in both.cell else ","
+        small, large = both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)
+        problem = (
+            f"{both.column}, row {both.row}: {both.cell!r} is {small} if the {_NAMES[mark]} is the decimal mark, and "
+            f"{large} if it parts thousands; all numbers of the file fit both"
+        )
+        raise InputError("decimal", None, problem, sentence=problem, where=where, remedy="decimal")
+    return next(iter(only), ".")
+
+
 _NAMES = {".": "point", ",": "comma"}
 _ZERO = re.compile(r"[-+]?0(?:[.,]000)+")
 _GROUPED = re.compile(rf"\d{_GROUP}\d")
+_BLANKS = re.compile(_GROUP)
+_SIMPLE = {mark: re.compile(rf"[-+]?\d*{re.escape(mark)}\d+(?:[eE][-+]?\d+)?") for mark in ".,"}
 
 
 def _dated(column: Sequence[str]) -> bool:
