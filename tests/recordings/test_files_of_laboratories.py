@@ -274,6 +274,10 @@ def test_opensim_and_testxpert_are_read_without_an_option(tmp_path):
     )
     assert [motion.data.unit(n) for n in ("pam_force", "pam_length")] == ["N", "m"]
     assert "those of OpenSim" in motion.remarks[0]
+    motion = head.replace("=no", "=yes") + "time\tknee_angle_r\tpelvis_tx\n0\t90\t0.2\n0.1\t45\t0.3\n0.2\t0\t0.4\n"
+    angles = mk.read(put(tmp_path / "b.mot", motion))
+    np.testing.assert_allclose(angles["knee_angle_r"], np.radians([90.0, 45.0, 0.0]), rtol=1e-12)
+    assert angles.unit("pelvis_tx") == "m"
     machine = '"Prüfer";"Labor"\n"Vorkraft";5;"N"\n"Prüfzeit";"Weg";"Kraft"\n"s";"mm";"N"\n'
     machine += "0,00;0,0;5,01\n0,02;0,1;1.002,34\n0,04;0,2;1.010,1\n"
     read = mk.read(put(tmp_path / "a.TRA", machine, "cp1252"))

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, choice
+from ..errors import InputError
 from ..quantities import with_unit
-from .clock import find_gaps, is_date, mend_clock, parse_dates
+from .clock import find_gaps, is_date, mend_clock, times_of
 from .labels import (
     DAYS,
     TIMES,
@@ -252,7 +252,7 @@ def assemble(
         whole, blank = without_blank_rows(table, at, where)
         keep(whole)
     stamps = sources.pop("time", None)
-    time, start, wrap = _time(stamps, numbers.pop("time", None), table, clock, words, period, where)
+    time, start, wrap = times_of(stamps, numbers.pop("time", None), table, clock, words, period, where)
     label = "time" if stamps is None else foreign[stamps.at].label
     # Of rows that stand twice, all channels have their numbers twice.
     alike = np.r_[False, np.all([v[1:] == v[:-1] for v in numbers.values()], axis=0)] if numbers else None
@@ -559,59 +559,6 @@ def _on_one_clock(
     remarks.append(f"the record is cut to {times[0]:.6g} s to {times[-1]:.6g} s, which all channels have")
     cut = [c._replace(time=times, values=c.values[known]) if c.clock == clock else c for c in foreign]
     return {n: v[known] for n, v in numbers.items()}, table._replace(columns=cut), clock, remarks
-
-
-def _time(
-    column: ColumnSource | None,
-    values: np.ndarray | None,
-    table: ForeignTable,
-    clock: str,
-    words: Mapping[str, str | None],
-    period: float | None,
-    where: str,
-) -> tuple[np.ndarray, str | None, float | None]:
-    """The time [s], the date of its beginning where the file has dates, and after what the clock begins anew [s].
-
-    A time of day begins anew after 86400 s, a counter of whole numbers after 2**32 or 2**16 of them.
-    """
-    count, implied = next((len(g.values), g.time) for g in table.columns if g.clock == clock)
-    if period is not None:
-        if column is not None:
-            allowed = f"the file has the time {table.columns[column.at].label}; give one of the two"
-            raise InputError("period", period, allowed, where=where)
-        if not (math.isfinite(period) and period > 0.0):
-            raise InputError("period", period, "must be a time above 0 s", where=where)
-        return np.arange(count if table.rows is None else len(table.rows)) * float(period), None, None
-    if column is None or values is None:
-        if implied is not None:
-            return implied, None, None
-        allowed = f"none is named {choice(TIMES[:3])}; say which one it is, or state the period of the samples"
-        raise InputError("time", None, f"is in no column: {allowed}", where=where, remedy="column time")
-    label = table.columns[column.at].label
-    of_day = False
-    if values.dtype.kind == "O":
-        cells = [str(cell).strip() for cell in values]
-        of_day = bool(cells) and _TIME_OF_DAY.fullmatch(cells[0]) is not None
-        values = parse_dates(cells)
-    if values.dtype.kind == "M":
-        dates = values.astype("datetime64[ns]")
-        time = np.where(np.isnat(dates), np.nan, (dates - dates[:1]).astype("int64") * 1e-9)
-        # Some programs write the time of day anew beside the date on which the record began.
-        one_day = len(np.unique(dates.astype("datetime64[D]"))) == 1
-        return time, str(values[0]) if len(values) and not of_day else None, 86400.0 if one_day else None
-    unit, scale, offset = si_of(words.get("time") or "s", field=f"unit of time ({label})", where=where)
-    if unit != "s":
-        raise InputError(f"unit of time ({label})", words["time"], "must be a time such as s or ms", where=where)
-    time = values * scale + offset if scale != 1.0 or offset else values.astype(float)
-    counted = len(values) > 1 and bool((values == np.round(values)).all())
-    wrap = None
-    if counted and (back := float(np.diff(values).min())) < 0.0:
-        # A step back of almost all that a counter holds is the counter, and no new run.
-        wrap = next((2.0**bits * scale for bits in (16, 32) if -(2.0**bits) < back < -0.9 * 2.0**bits), None)
-    return time, None, wrap
-
-
-_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?", re.I)
 
 
 def _channel(

@@ -158,15 +158,18 @@ def _opensim(rows: Rows) -> PlainRows | None:
         return None
     head = dict(_cell(row).partition("=")[::2] for _, row in rows[:end] if "=" in _cell(row))
     number, names = rows[end + 1]
-    units = ["s" if at == 0 else _opensim_unit(name.strip().lower()) for at, name in enumerate(names)]
+    angle = "deg" if head.get("inDegrees", "").strip().lower() == "yes" else "rad"
+    units = ["s" if at == 0 else _opensim_unit(name.strip().lower(), angle) for at, name in enumerate(names)]
     remark = "the file states no units; they are those of OpenSim, SI by the names of the columns"
     return PlainRows(
         [(number, _labelled([n.strip() for n in names], units)), *rows[end + 2 :]], {"head": head}, [remark]
     )
 
 
-def _opensim_unit(name: str) -> str:
-    return next((unit for word, unit in _OPENSIM if word in name), "")
+def _opensim_unit(name: str, angle: str) -> str:
+    if re.search(r"angle|flexion|rotation|adduction|inversion|_r[xyz]\b|pelvis_(tilt|list)", name):
+        return angle
+    return "m" if re.search(r"_t[xyz]\b", name) else next((unit for word, unit in _OPENSIM if word in name), "")
 
 
 _STAMPED = re.compile(r"(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?) -> ?(.*)")

@@ -1,7 +1,4 @@
-"""Tables of cells of other programs: text of any dialect, or one sheet of a spreadsheet (``.xlsx``, ``.xls``, ``.ods``).
-
-It is found where in the rows the names, units and numbers stand.
-"""
+"""Text of other programs in any dialect: where in its rows names, units and numbers stand, and how these are written."""
 
 from __future__ import annotations
 
@@ -11,10 +8,8 @@ import gzip
 import itertools
 import re
 import unicodedata
-import zipfile
 import zlib
 from collections.abc import Callable, Container, Iterable, Sequence
-from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,11 +17,9 @@ import numpy as np
 
 from ..documents import no_file
 from ..errors import InputError
-from ..extras import library
 from ..isolation import call_outside, check_unpacked
 from . import instruments
-from .sidecar import unreadable
-from .table import FileFormat, ForeignColumn, ForeignTable
+from .table import ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
 MARKS = ("\t", ";", ",", None)  # None stands for blanks
@@ -227,7 +220,7 @@ def table_of_rows(
     labels = names if names is not None else [f"column {at}" for at in range(1, width + 1)]
     cells = list(zip(*(row for _, row in fitting), strict=True)) or [() for _ in labels]
     numbers = [n for n, _ in fitting]
-    plain, said = _with_points(cells, numbers, labels, decimal, where)
+    plain, said = with_points(cells, numbers, labels, decimal, where)
     columns = [ForeignColumn(label, np.array(column, object)) for label, column in zip(labels, plain, strict=True)]
     notes = {"preamble": preamble} if preamble else {}
     return ForeignTable(columns, notes, [*remarks, *said], rows=numbers, named=names is not None)
@@ -352,7 +345,7 @@ class _Witness(NamedTuple):
     column: str
 
 
-def _with_points(
+def with_points(
     columns: Sequence[Sequence[str]], rows: Sequence[int], labels: Sequence[str], decimal: str | None, where: str
 ) -> tuple[list[Sequence[str]], list[str]]:
     """The cells of all columns with decimal points and without what parts thousands: one way of writing for a table.
@@ -523,103 +516,3 @@ def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int 
             taken = f"{stem}_{count}"
         found.append(taken)
     return found
-
-
-def read_spreadsheet(
-    path: Path, sheet: str | int | None = None, decimal: str | None = None, header: str | Sequence[str] | None = None
-) -> ForeignTable:
-    """Read the cells of a sheet as a table.
-
-    Args:
-        path: the file.
-        sheet: name, or number from 1; by default the only one with rows of numbers.
-        decimal: decimal mark of numbers that are texts in the sheet.
-        header: names of the columns with their units, see `table_of_rows`.
-
-    Raises:
-        InputError: the file cannot be read, there is no such sheet, or several have cells and none is named.
-    """
-    where = str(path)
-    calamine = library("python_calamine", "Spreadsheets need", where=where)
-    with unreadable("a spreadsheet", where):
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as packed:
-                check_unpacked(0.25 * sum(one.file_size for one in packed.infolist()))  # most of it is tags
-        book = calamine.CalamineWorkbook.from_path(where)
-        names = list(book.sheet_names)
-        filled = {
-            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in _asked(names, sheet, where)
-        }
-    tables = {name: _texts_with_points(rows, decimal, where) for name, rows in filled.items()}
-    tables = {
-        name: [(i, row) for i, row in rows if any(row) and not row[0].startswith("#")] for name, rows in tables.items()
-    }
-    tables = {name: rows for name, rows in tables.items() if rows}
-    remarks: list[str] = []
-    if len(tables) > 1:
-        measured = {name: rows for name, rows in tables.items() if any(mostly_numbers(row) for _, row in rows)}
-        if len(measured) == 1:
-            remarks = [
-                f"sheet {name} is left out: it has no rows of numbers" for name in tables if name not in measured
-            ]
-            tables = measured
-    if len(tables) > 1:
-        problem = f"the sheets {', '.join(tables)} have tables; say which one is meant"
-        raise InputError("sheet", ", ".join(tables), problem, sentence=problem, where=where, remedy="sheet")
-    if not tables:
-        raise InputError("file", None, "is empty", where=where)
-    ((name, rows),) = tables.items()
-    # columns at the left and right in which all cells are blank are no part of the table
-    used = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
-    rows = [(n, row[used[0] : used[-1] + 1]) for n, row in rows]
-    table = table_of_rows(rows, where, decimal=".", header=header)
-    return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
-
-
-def sheet_names(path: Path) -> list[str]:
-    """Names of the sheets that have cells."""
-    where = str(path)
-    calamine = library("python_calamine", "Spreadsheets need", where=where)
-    with unreadable("a spreadsheet", where):
-        book = calamine.CalamineWorkbook.from_path(where)
-        return [name for name in book.sheet_names if book.get_sheet_by_name(name).to_python(nrows=1)]
-
-
-def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
-    if sheet is None:
-        return names
-    if isinstance(sheet, int) or (sheet.isdecimal() and sheet not in names):
-        if 1 <= int(sheet) <= len(names):
-            return [names[int(sheet) - 1]]
-        raise InputError("sheet", int(sheet), f"must be between 1 and {len(names)}", where=where)
-    if sheet not in names:
-        raise InputError("sheet", sheet, known=names, where=where)
-    return [sheet]
-
-
-def _texts_with_points(rows: Sequence[Sequence[object]], decimal: str | None, where: str) -> Rows:
-    """The rows of a sheet as texts; numbers that are texts in the sheet have one decimal mark, which may be a comma."""
-    texts = [[cell if isinstance(cell, str) else "" for cell in column] for column in zip(*rows, strict=True)]
-    labels = [f"column {at}" for at in range(1, len(texts) + 1)]
-    plain, _ = _with_points(texts, range(1, len(rows) + 1), labels, decimal, where)
-    return [
-        (i, [_cell_text(text if isinstance(cell, str) else cell) for cell, text in zip(row, changed, strict=True)])
-        for i, (row, changed) in enumerate(zip(rows, zip(*plain, strict=True), strict=False), 1)
-    ]
-
-
-def _cell_text(cell: object) -> str:
-    if isinstance(cell, float):
-        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
-    if isinstance(cell, bool):
-        return str(int(cell))
-    if isinstance(cell, datetime | date | time):
-        return cell.isoformat(sep=" ") if isinstance(cell, datetime) else cell.isoformat()
-    if isinstance(cell, timedelta):
-        return repr(cell.total_seconds())
-    return str(cell).strip()
-
-
-SPREADSHEETS = FileFormat(
-    title="Spreadsheets", read=read_spreadsheet, options=("sheet", *TEXT_OPTIONS), parts=sheet_names
-)
