@@ -207,6 +207,21 @@ def test_a_file_of_others_is_taken_over_once_its_columns_are_named(visit, folder
     page.wait_for_selector("tr[data-name='cell.nc'].sel")
 
 
+def test_what_a_file_leaves_open_is_asked_by_the_name_of_the_field_that_takes_it(visit, folder, until):
+    page = visit("/recordings")
+    ready(page)
+    page.get_by_role("button", name="Import file").first.click()
+    data = "t [ms];p [mbar]\n0;1.013\n10;1.113\n20;2.013\n"
+    page.set_input_files(
+        "dialog[open] input[type=file]", {"name": "marks.csv", "mimeType": "text/csv", "buffer": data.encode()}
+    )
+    page.wait_for_selector("dialog[open] .err:has-text('Say it under Decimal mark')")
+    page.locator("dialog[open]").get_by_label("Decimal mark").fill(",")
+    page.locator("dialog[open]").get_by_role("button", name="Import", exact=True).click()
+    until(lambda: (folder / "marks.nc").exists())
+    assert read_recording(folder / "marks.nc")["p"][0] == pytest.approx(101300.0, rel=1e-14)
+
+
 def long_table(path, rows):
     """Lines of a table as a logger writes it, with a name that is not ASCII."""
     t = np.arange(rows) * 1e-3

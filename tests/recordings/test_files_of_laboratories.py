@@ -155,6 +155,32 @@ def test_repeated_runs_are_runs_on_their_own_clocks_and_survive_a_file(tmp_path)
             assert run.runs == (run,)
 
 
+def test_two_days_are_two_days_and_no_midnight(tmp_path):
+    rows = ["2024-05-03 20:00:00,1", "2024-05-03 20:00:01,2", "2024-05-03 00:00:00,3", "2024-05-03 00:00:01,4"]
+    one = understand(put(tmp_path / "a.csv", "Time,p [bar]\n" + "\n".join(rows) + "\n"))
+    assert "midnight passes" in one.remarks[0]  # the day of the beginning stands beside each time
+    rows[2:] = [row.replace("03 00", "04 00") for row in rows[2:]]
+    rows += [row.replace("-03 20", "-02 20") for row in rows[:2]]
+    two = understand(put(tmp_path / "b.csv", "Time,p [bar]\n" + "\n".join(rows) + "\n"))
+    assert "midnight" not in " ".join(two.remarks)
+    assert "out of their order" in " ".join(two.remarks) or "runs" in " ".join(two.remarks)
+
+
+@pytest.mark.parametrize("days", [("05/02/2024", "06/02/2024"), ("02/05/2024", "02/06/2024")])
+def test_of_day_and_month_that_could_be_either_the_times_lie_close_together(tmp_path, days):
+    rows = [f"{day} {clock},{i}" for i, (day, clock) in enumerate(zip(days, ("23:59:59", "00:00:01"), strict=True))]
+    rows.append(f"{days[1]} 00:00:03,2")
+    read = understand(put(tmp_path / "a.csv", "Time,p [bar]\n" + "\n".join(rows) + "\n"))
+    np.testing.assert_allclose(read.data.time, [0.0, 2.0, 4.0], atol=1e-9)  # of stamps of 1 us
+
+
+def test_what_was_mended_in_a_clock_goes_with_the_recording(tmp_path):
+    path = put(tmp_path / "a.csv", "t [s],p [bar]\n0,1\n0.1,2\n0.2,3\n0,1\n0.1,2\n0.2,3\n")
+    mk.read(path).save(tmp_path / "a.nc")
+    said = [caution.text for caution in mk.read_recording(tmp_path / "a.nc").cautions]
+    assert any("2 runs, one after another" in text for text in said)
+
+
 def test_samples_out_of_order_are_put_in_order_and_said(tmp_path):
     read = understand(put(tmp_path / "a.csv", "time_s,force_N\n0,1\n0.1,2\n0.05,3\n0.2,4\n"))
     assert read.data["force"].tolist() == [1.0, 3.0, 2.0, 4.0]
@@ -248,6 +274,10 @@ def test_opensim_and_testxpert_are_read_without_an_option(tmp_path):
     )
     assert [motion.data.unit(n) for n in ("pam_force", "pam_length")] == ["N", "m"]
     assert "those of OpenSim" in motion.remarks[0]
+    motion = head.replace("=no", "=yes") + "time\tknee_angle_r\tpelvis_tx\n0\t90\t0.2\n0.1\t45\t0.3\n0.2\t0\t0.4\n"
+    angles = mk.read(put(tmp_path / "b.mot", motion))
+    np.testing.assert_allclose(angles["knee_angle_r"], np.radians([90.0, 45.0, 0.0]), rtol=1e-12)
+    assert angles.unit("pelvis_tx") == "m"
     machine = '"Prüfer";"Labor"\n"Vorkraft";5;"N"\n"Prüfzeit";"Weg";"Kraft"\n"s";"mm";"N"\n'
     machine += "0,00;0,0;5,01\n0,02;0,1;1.002,34\n0,04;0,2;1.010,1\n"
     read = mk.read(put(tmp_path / "a.TRA", machine, "cp1252"))

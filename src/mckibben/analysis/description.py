@@ -132,7 +132,7 @@ def describe_recording(recording: verbs.DataFile, *, read: verbs.Reading | None 
     known = result.recording
     meta, period = known.meta, known.period if len(known) > 1 else None
     document, stepped = meta.get("protocol"), bool(meta.get("steps"))
-    warnings = [*(meta.get("warnings") or []), *(c.text for c in known.cautions if c.parameter in MACHINE)]
+    warnings = [*(meta.get("warnings") or []), *(c.text for c in known.cautions if c.parameter in (*MACHINE, "source"))]
     keys = meta.get("citations")
     content = {
         "file": path_of(recording),

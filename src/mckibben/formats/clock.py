@@ -2,19 +2,74 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from .table import ForeignTable
+from ..errors import InputError, choice
+from .labels import TIMES, ColumnSource
+from .table import ForeignTable, si_of
 from .text import is_number, rows_left_out
 
 # Between samples; more, and samples were lost. Stamps rounded to the last digit reach 1.5 to 2 times the median.
 LARGEST_GAP = 3.0
+
+
+def times_of(
+    column: ColumnSource | None,
+    values: np.ndarray | None,
+    table: ForeignTable,
+    clock: str,
+    words: Mapping[str, str | None],
+    period: float | None,
+    where: str,
+) -> tuple[np.ndarray, str | None, float | None]:
+    """The time [s], the date of its beginning where the file has dates, and after what the clock begins anew [s].
+
+    A time of day begins anew after 86400 s, a counter of whole numbers after 2**32 or 2**16 of them.
+    """
+    count, implied = next((len(g.values), g.time) for g in table.columns if g.clock == clock)
+    if period is not None:
+        if column is not None:
+            allowed = f"the file has the time {table.columns[column.at].label}; give one of the two"
+            raise InputError("period", period, allowed, where=where)
+        if not (math.isfinite(period) and period > 0.0):
+            raise InputError("period", period, "must be a time above 0 s", where=where)
+        return np.arange(count if table.rows is None else len(table.rows)) * float(period), None, None
+    if column is None or values is None:
+        if implied is not None:
+            return implied, None, None
+        allowed = f"none is named {choice(TIMES[:3])}; say which one it is, or state the period of the samples"
+        raise InputError("time", None, f"is in no column: {allowed}", where=where, remedy="column time")
+    label = table.columns[column.at].label
+    of_day = False
+    if values.dtype.kind == "O":
+        cells = [str(cell).strip() for cell in values]
+        of_day = bool(cells) and _TIME_OF_DAY.fullmatch(cells[0]) is not None
+        values = parse_dates(cells)
+    if values.dtype.kind == "M":
+        dates = values.astype("datetime64[ns]")
+        time = np.where(np.isnat(dates), np.nan, (dates - dates[:1]).astype("int64") * 1e-9)
+        # Some programs write the time of day anew beside the date on which the record began.
+        one_day = len(np.unique(dates.astype("datetime64[D]"))) == 1
+        return time, str(values[0]) if len(values) and not of_day else None, 86400.0 if one_day else None
+    unit, scale, offset = si_of(words.get("time") or "s", field=f"unit of time ({label})", where=where)
+    if unit != "s":
+        raise InputError(f"unit of time ({label})", words["time"], "must be a time such as s or ms", where=where)
+    time = values * scale + offset if scale != 1.0 or offset else values.astype(float)
+    counted = len(values) > 1 and bool((values == np.round(values)).all())
+    wrap = None
+    if counted and (back := float(np.diff(values).min())) < 0.0:
+        # A step back of almost all that a counter holds is the counter, and no new run.
+        wrap = next((2.0**bits * scale for bits in (16, 32) if -(2.0**bits) < back < -0.9 * 2.0**bits), None)
+    return time, None, wrap
+
+
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?", re.I)
 
 
 class MendedClock(NamedTuple):
@@ -168,7 +223,10 @@ _DATE_FORMATS = (
 
 
 def parse_dates(cells: Sequence[str]) -> np.ndarray:
-    """Cells as dates (n,) datetime64[us], by the first way of writing that fits all; empty where none does."""
+    """Cells as dates (n,) datetime64[us], by the first way of writing that fits all; empty where none does.
+
+    Where day and month could be either, they are those by which the times lie closer together: no record lasts a month.
+    """
     plain = [cell.replace(",", ".") for cell in cells]
 
     def iso(cell: str) -> datetime:
@@ -177,9 +235,12 @@ def parse_dates(cells: Sequence[str]) -> np.ndarray:
     def written(form: str) -> Callable[[str], datetime]:
         return lambda cell: datetime.strptime(cell, form.replace("%S", "%S.%f") if _FRACTION.search(cell) else form)
 
+    readings = []
     for parse_cell in (iso, *map(written, _DATE_FORMATS)):
         try:
-            return np.array([parse_cell(cell) for cell in plain], "datetime64[us]")
+            readings.append(np.array([parse_cell(cell) for cell in plain], "datetime64[us]"))
         except ValueError:
             continue
-    return np.empty(0, "datetime64[us]")
+        if not plain or "/" not in plain[0] or len(readings) == 2:
+            break
+    return min(readings, key=np.ptp) if plain and readings else np.empty(0, "datetime64[us]")

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, choice
+from ..errors import InputError
 from ..quantities import with_unit
-from .clock import find_gaps, is_date, mend_clock, parse_dates
+from .clock import find_gaps, is_date, mend_clock, times_of
 from .labels import (
     DAYS,
     TIMES,
@@ -237,52 +237,31 @@ def assemble(
     texts = _leave_words(sources, foreign, columns or {})
     asked = {*(columns or {}), *(units or {}), *scaled, *((required,) if isinstance(required, str) else required)}
     unknown = _leave_unknown_units(sources, foreign, words, asked)
-    remarks += unknown
-    clock, left = _clock(sources, foreign, bool(columns), where)
-    numbers = {
-        name: foreign[c.at].values
-        if is_date(foreign[c.at].values)
-        else column_numbers(foreign[c.at], table.rows, where, overload=name != "time")
-        for name, c in sources.items()
-    }
-    numbers = {name: _on_clock(numbers[name], foreign[c.at], clock, foreign) for name, c in sources.items()}
-    implied = next((one.time for one in foreign if one.clock == clock), None)
-    if table.rows is None and left and implied is not None and "time" not in sources:
-        # Beyond its own times a channel is not known: the record is what all have.
-        whole = np.all(
-            [~np.isnan(v) | np.isnan(foreign[sources[n].at].values).any() for n, v in numbers.items()], axis=0
-        )
-        if whole.any() and not whole.all():
-            numbers = {name: values[whole] for name, values in numbers.items()}
-            table = table._replace(
-                columns=[c._replace(time=implied[whole], values=c.values[: len(implied)][whole]) if c.clock == clock else c
-                         for c in foreign]
-            )  # fmt: skip
-            left.append(
-                f"the record is cut to {implied[whole][0]:.6g} s to {implied[whole][-1]:.6g} s, which all channels have"
-            )
+    numbers, table, clock, remarks_of_clock = _on_one_clock(sources, table, bool(columns), where)
+
+    def keep(which: np.ndarray) -> None:
+        nonlocal numbers, texts, table
+        numbers = {name: values[which] for name, values in numbers.items()}
+        texts = {label: cells[which] for label, cells in texts.items()}
+        if table.rows is not None:
+            table = table._replace(rows=np.asarray(table.rows)[which].tolist())
+
     blank: list[str] = []
     if table.rows is not None:
         at = {c.at: numbers[name] for name, c in sources.items() if numbers[name].dtype.kind == "f"}
-        keep, blank = without_blank_rows(table, at, where)
-        numbers = {name: values[keep] for name, values in numbers.items()}
-        texts = {label: cells[keep] for label, cells in texts.items()}
-        table = table._replace(rows=[n for n, kept in zip(table.rows, keep, strict=True) if kept])
-    remarks += left + blank
-    time, start, day = _time(sources.pop("time", None), numbers.get("time"), table, clock, words, period, where)
-    values = [
-        v for v in numbers.values() if v.dtype.kind == "f" and len(v) == len(time) and v is not numbers.get("time")
-    ]
-    alike = np.r_[False, np.all([v[1:] == v[:-1] for v in values], axis=0)] if values and len(time) > 1 else None
-    label = next((c.label for c in foreign if quantity_of(parse_header(0, c.label)[0]) == "time"), "time")
-    mended = mend_clock(time, label, day, alike, table, strict, where)
-    time, remarks = mended.time, [*remarks, *mended.remarks]
+        whole, blank = without_blank_rows(table, at, where)
+        keep(whole)
+    stamps = sources.pop("time", None)
+    time, start, wrap = times_of(stamps, numbers.pop("time", None), table, clock, words, period, where)
+    label = "time" if stamps is None else foreign[stamps.at].label
+    # Of rows that stand twice, all channels have their numbers twice.
+    alike = np.r_[False, np.all([v[1:] == v[:-1] for v in numbers.values()], axis=0)] if numbers else None
+    mended = mend_clock(time, label, wrap, alike, table, strict, where)
+    time = mended.time
     if mended.kept is not None:
-        numbers = {name: values[mended.kept] for name, values in numbers.items()}
-        texts = {label: cells[mended.kept] for label, cells in texts.items()}
-        if table.rows is not None:
-            table = table._replace(rows=[table.rows[i] for i in mended.kept])
-    remarks += find_gaps(time, label, table, strict, where)
+        keep(mended.kept)
+    changed = [*remarks_of_clock, *mended.remarks, *find_gaps(time, label, table, strict, where)]
+    remarks += [*unknown, *blank, *changed]
     events = _events(texts, time)
     for label, cells in texts.items():
         count = sum(one["column"] == label for one in events)
@@ -306,7 +285,8 @@ def assemble(
         raise InputError(name, None, problem, where=where)
     for name in sources:
         if (standard := standard_flow(words.get(name) or "")) is not None:
-            remarks.append(f"{foreign[sources[name].at].label} is taken as a mass flow of air, {standard[1]}")
+            changed.append(f"{foreign[sources[name].at].label} is taken as a mass flow of air, {standard[1]}")
+            remarks.append(changed[-1])
     about = {
         n: {"column": foreign[c.at].label, "unit": words.get(n), **({"scale": scaled[n]} if n in scaled else {})}
         for n, c in sources.items()
@@ -316,6 +296,8 @@ def assemble(
         source["pressure_zero"] = pressure_zero
     if blank or unknown:
         source["left_out"] = [*blank, *unknown]
+    if changed:
+        source["changed"] = changed
     more: dict[str, Any] = {"runs": mended.runs} if mended.runs else {}
     if events:
         more["events"] = [{"time": one["time"], "text": one["text"]} for one in events]
@@ -463,7 +445,7 @@ def _leave_unknown_units(
     lines = []
     for reason, names in left.items():
         labels = ", ".join(foreign[sources[name].at].label for name in names)
-        lines.append(f"{labels} {'is' if len(names) == 1 else 'are'} left out: {reason} (units says it, or --unit)")
+        lines.append(f"{labels} {'is' if len(names) == 1 else 'are'} left out: {reason}")
         for name in names:
             del sources[name]
     return lines
@@ -552,66 +534,31 @@ def _first_of(clock: str, sources: Mapping[str, ColumnSource], foreign: Sequence
     return next(n for n, c in sources.items() if foreign[c.at].clock == clock and n != "time")
 
 
-def _on_clock(values: np.ndarray, column: ForeignColumn, clock: str, foreign: Sequence[ForeignColumn]) -> np.ndarray:
-    """Values at the times of a clock: those of another one by linear interpolation, NaN outside of its times."""
-    if column.clock == clock or column.time is None:
-        return values
-    times = next(one.time for one in foreign if one.clock == clock)
-    order = np.argsort(column.time, kind="stable")
-    on_clock: np.ndarray = np.interp(np.asarray(times), column.time[order], values[order], left=np.nan, right=np.nan)
-    return on_clock
-
-
-def _time(
-    column: ColumnSource | None,
-    values: np.ndarray | None,
-    table: ForeignTable,
-    clock: str,
-    words: Mapping[str, str | None],
-    period: float | None,
-    where: str,
-) -> tuple[np.ndarray, str | None, float | None]:
-    """The time [s], the date of its beginning where the file has dates, and after what the clock begins anew [s].
-
-    A time of day begins anew after 86400 s, a counter of whole numbers after 2**32 or 2**16 of them.
-    """
-    count, implied = next((len(g.values), g.time) for g in table.columns if g.clock == clock)
-    if period is not None:
-        if column is not None:
-            allowed = f"the file has the time {table.columns[column.at].label}; give one of the two"
-            raise InputError("period", period, allowed, where=where)
-        if not (math.isfinite(period) and period > 0.0):
-            raise InputError("period", period, "must be a time above 0 s", where=where)
-        return np.arange(count if table.rows is None else len(table.rows)) * float(period), None, None
-    if column is None or values is None:
-        if implied is not None:
-            return implied, None, None
-        allowed = f"none is named {choice(TIMES[:3])}; say which one it is, or state the period of the samples"
-        raise InputError("time", None, f"is in no column: {allowed}", where=where, remedy="column time")
-    label = table.columns[column.at].label
-    of_day = False
-    if values.dtype.kind == "O":
-        cells = [str(cell).strip() for cell in values]
-        of_day = bool(cells) and _TIME_OF_DAY.fullmatch(cells[0]) is not None
-        values = parse_dates(cells)
-    if values.dtype.kind == "M":
-        dates = values.astype("datetime64[ns]")
-        time = np.where(np.isnat(dates), np.nan, (dates - dates[:1]).astype("int64") * 1e-9)
-        # Some programs write the time of day anew beside the date on which the record began.
-        return time, str(values[0]) if len(values) and not of_day else None, 86400.0
-    unit, scale, offset = si_of(words.get("time") or "s", field=f"unit of time ({label})", where=where)
-    if unit != "s":
-        raise InputError(f"unit of time ({label})", words["time"], "must be a time such as s or ms", where=where)
-    time = values * scale + offset if scale != 1.0 or offset else values.astype(float)
-    counted = len(values) > 1 and bool((values == np.round(values)).all())
-    wrap = None
-    if counted and (back := float(np.diff(values).min())) < 0.0:
-        # A step back of almost all that a counter holds is the counter, and no new run.
-        wrap = next((2.0**bits * scale for bits in (16, 32) if -(2.0**bits) < back < -0.9 * 2.0**bits), None)
-    return time, None, wrap
-
-
-_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?", re.I)
+def _on_one_clock(
+    sources: dict[str, ColumnSource], table: ForeignTable, chosen: bool, where: str
+) -> tuple[dict[str, np.ndarray], ForeignTable, str, list[str]]:
+    """The numbers of all sources on one clock, the table cut to the times that all have, that clock, and what was done."""
+    foreign = table.columns
+    clock, remarks = _clock(sources, foreign, chosen, where)
+    times = next((one.time for one in foreign if one.clock == clock), None)
+    numbers: dict[str, np.ndarray] = {}
+    known = np.ones(0 if times is None else len(times), bool)
+    for name, source in sources.items():
+        column = foreign[source.at]
+        values = column.values
+        if not is_date(values):
+            values = column_numbers(column, table.rows, where, overload=name != "time")
+        if column.clock != clock and column.time is not None and times is not None:
+            order = np.argsort(column.time, kind="stable")
+            values = np.interp(times, column.time[order], values[order], left=np.nan, right=np.nan)
+            known &= (times >= column.time[order[0]]) & (times <= column.time[order[-1]])
+        numbers[name] = values
+    if known.all() or not known.any() or times is None:
+        return numbers, table, clock, remarks
+    times = times[known]
+    remarks.append(f"the record is cut to {times[0]:.6g} s to {times[-1]:.6g} s, which all channels have")
+    cut = [c._replace(time=times, values=c.values[known]) if c.clock == clock else c for c in foreign]
+    return {n: v[known] for n, v in numbers.items()}, table._replace(columns=cut), clock, remarks
 
 
 def _channel(

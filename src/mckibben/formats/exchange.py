@@ -1,4 +1,4 @@
-"""Recordings in files of MATLAB, LabVIEW (TDMS) and Parquet, each with a line of JSON from which it reads back exactly.
+"""Files of MATLAB, LabVIEW (TDMS) and Parquet, each with a line of JSON from which it reads back exactly; and spreadsheets.
 
 MATLAB files are written as version 5, and read as version 5 and 7.3. Written are ``time``, a column per channel under a
 name that MATLAB allows, the struct ``units`` with the unit of each, and ``mckibben``, a line of JSON with names, kinds,
@@ -18,9 +18,11 @@ import os
 import re
 import struct
 import warnings
+import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +31,12 @@ import numpy as np
 from ..documents import ErrorKeepingFile, JsonValue
 from ..errors import InputError
 from ..extras import library
+from ..isolation import check_unpacked
 from .labels import time_column
 from .sidecar import KEY, dumps, loads, one_line, unreadable
 from .store import check_self_contained
 from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, si_of
-from .text import plain_names
+from .text import TEXT_OPTIONS, Rows, mostly_numbers, plain_names, table_of_rows, with_points
 
 _LARGEST = 2**31 - 1  # [B] of a variable of version 5
 _KEYWORDS = frozenset(
@@ -429,3 +432,103 @@ def read_parquet(path: Path) -> StoredRecording | ForeignTable:
 
 
 PARQUET = FileFormat(title="Parquet files", read=read_parquet, write=write_parquet, requires="polars")
+
+
+def read_spreadsheet(
+    path: Path, sheet: str | int | None = None, decimal: str | None = None, header: str | Sequence[str] | None = None
+) -> ForeignTable:
+    """Read the cells of a sheet as a table.
+
+    Args:
+        path: the file.
+        sheet: name, or number from 1; by default the only one with rows of numbers.
+        decimal: decimal mark of numbers that are texts in the sheet.
+        header: names of the columns with their units, see `table_of_rows`.
+
+    Raises:
+        InputError: the file cannot be read, there is no such sheet, or several have cells and none is named.
+    """
+    where = str(path)
+    calamine = library("python_calamine", "Spreadsheets need", where=where)
+    with unreadable("a spreadsheet", where):
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as packed:
+                check_unpacked(0.25 * sum(one.file_size for one in packed.infolist()))  # most of it is tags
+        book = calamine.CalamineWorkbook.from_path(where)
+        names = list(book.sheet_names)
+        filled = {
+            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in _asked(names, sheet, where)
+        }
+    tables = {name: _texts_with_points(rows, decimal, where) for name, rows in filled.items()}
+    tables = {
+        name: [(i, row) for i, row in rows if any(row) and not row[0].startswith("#")] for name, rows in tables.items()
+    }
+    tables = {name: rows for name, rows in tables.items() if rows}
+    remarks: list[str] = []
+    if len(tables) > 1:
+        measured = {name: rows for name, rows in tables.items() if any(mostly_numbers(row) for _, row in rows)}
+        if len(measured) == 1:
+            remarks = [
+                f"sheet {name} is left out: it has no rows of numbers" for name in tables if name not in measured
+            ]
+            tables = measured
+    if len(tables) > 1:
+        problem = f"the sheets {', '.join(tables)} have tables; say which one is meant"
+        raise InputError("sheet", ", ".join(tables), problem, sentence=problem, where=where, remedy="sheet")
+    if not tables:
+        raise InputError("file", None, "is empty", where=where)
+    ((name, rows),) = tables.items()
+    # columns at the left and right in which all cells are blank are no part of the table
+    used = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
+    rows = [(n, row[used[0] : used[-1] + 1]) for n, row in rows]
+    table = table_of_rows(rows, where, decimal=".", header=header)
+    return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
+
+
+def sheet_names(path: Path) -> list[str]:
+    """Names of the sheets that have cells."""
+    where = str(path)
+    calamine = library("python_calamine", "Spreadsheets need", where=where)
+    with unreadable("a spreadsheet", where):
+        book = calamine.CalamineWorkbook.from_path(where)
+        return [name for name in book.sheet_names if book.get_sheet_by_name(name).to_python(nrows=1)]
+
+
+def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
+    if sheet is None:
+        return names
+    if isinstance(sheet, int) or (sheet.isdecimal() and sheet not in names):
+        if 1 <= int(sheet) <= len(names):
+            return [names[int(sheet) - 1]]
+        raise InputError("sheet", int(sheet), f"must be between 1 and {len(names)}", where=where)
+    if sheet not in names:
+        raise InputError("sheet", sheet, known=names, where=where)
+    return [sheet]
+
+
+def _texts_with_points(rows: Sequence[Sequence[object]], decimal: str | None, where: str) -> Rows:
+    """The rows of a sheet as texts; numbers that are texts in the sheet have one decimal mark, which may be a comma."""
+    texts = [[cell if isinstance(cell, str) else "" for cell in column] for column in zip(*rows, strict=True)]
+    labels = [f"column {at}" for at in range(1, len(texts) + 1)]
+    plain, _ = with_points(texts, range(1, len(rows) + 1), labels, decimal, where)
+    return [
+        (i, [_cell_text(text if isinstance(cell, str) else cell) for cell, text in zip(row, changed, strict=True)])
+        for i, (row, changed) in enumerate(zip(rows, zip(*plain, strict=True), strict=False), 1)
+    ]
+
+
+def _cell_text(cell: object) -> str:
+    if isinstance(cell, float):
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    if isinstance(cell, bool):
+        return str(int(cell))
+    if isinstance(cell, datetime | date | time):
+        return cell.isoformat(sep=" ") if isinstance(cell, datetime) else cell.isoformat()
+    if isinstance(cell, timedelta):
+        return repr(cell.total_seconds())
+    return str(cell).strip()
+
+
+SPREADSHEETS = FileFormat(
+    title="Spreadsheets", read=read_spreadsheet, options=("sheet", *TEXT_OPTIONS), parts=sheet_names
+)

@@ -110,13 +110,19 @@ def _tektronix_columns(rows: Rows) -> PlainRows | None:
     blocks = [at for at, cell in enumerate(first) if cell.strip() == "Record Length"]
     if not blocks or blocks[0] != 0 or len(first) < 5:
         return None
-    labels, notes = ["time [s]"], {}
+    labels, notes, kept, left = ["time [s]"], {}, list[int](), list[str]()
     for count, at in enumerate(blocks, 1):
         about = {_cell(row, at): _cell(row, at + 1) for _, row in rows if _cell(row, at)}
-        notes[about.get("Source", f"CH{count}")] = about
-        labels += _labelled([about.get("Source", f"CH{count}")], [about.get("Vertical Units", "V")])
-    body = [(n, [_cell(row, 3), *(_cell(row, at + 4) for at in blocks)]) for n, row in rows if _cell(row, 3)]
-    return PlainRows([(rows[0][0], labels), *body], {"instrument": notes})
+        name = about.get("Source", f"CH{count}")
+        notes[name] = about
+        if any(_cell(row, at + 3) != _cell(row, 3) for _, row in rows):
+            left.append(name)
+            continue
+        kept.append(at)
+        labels += _labelled([name], [about.get("Vertical Units", "V")])
+    remarks = [f"{', '.join(left)} left out: the times are not those of the first channel"] if left else []
+    body = [(n, [_cell(row, 3), *(_cell(row, at + 4) for at in kept)]) for n, row in rows if _cell(row, 3)]
+    return PlainRows([(rows[0][0], labels), *body], {"instrument": notes}, remarks)
 
 
 def _tektronix_lines(rows: Rows) -> PlainRows | None:
@@ -152,15 +158,18 @@ def _opensim(rows: Rows) -> PlainRows | None:
         return None
     head = dict(_cell(row).partition("=")[::2] for _, row in rows[:end] if "=" in _cell(row))
     number, names = rows[end + 1]
-    units = ["s" if at == 0 else _opensim_unit(name.strip().lower()) for at, name in enumerate(names)]
+    angle = "deg" if head.get("inDegrees", "").strip().lower() == "yes" else "rad"
+    units = ["s" if at == 0 else _opensim_unit(name.strip().lower(), angle) for at, name in enumerate(names)]
     remark = "the file states no units; they are those of OpenSim, SI by the names of the columns"
     return PlainRows(
         [(number, _labelled([n.strip() for n in names], units)), *rows[end + 2 :]], {"head": head}, [remark]
     )
 
 
-def _opensim_unit(name: str) -> str:
-    return next((unit for word, unit in _OPENSIM if word in name), "")
+def _opensim_unit(name: str, angle: str) -> str:
+    if re.search(r"angle|flexion|rotation|adduction|inversion|_r[xyz]\b|pelvis_(tilt|list)", name):
+        return angle
+    return "m" if re.search(r"_t[xyz]\b", name) else next((unit for word, unit in _OPENSIM if word in name), "")
 
 
 _STAMPED = re.compile(r"(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?) -> ?(.*)")

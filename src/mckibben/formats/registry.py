@@ -25,7 +25,7 @@ BUILT_IN = {
     "nc": "store:NETCDF", "csv": "store:CSV", "mcap": "mcap:FORMAT", "mat": "exchange:MATLAB", "tdms": "exchange:TDMS",
     "parquet": "exchange:PARQUET", "txt": "store:TEXT", "tsv": "store:TEXT", "dat": "store:TEXT", "gz": "store:TEXT",
     "lvm": "store:TEXT", "sto": "store:TEXT", "mot": "store:TEXT", "tra": "store:TEXT", "asc": "store:TEXT",
-    "xlsx": "text:SPREADSHEETS", "xls": "text:SPREADSHEETS", "ods": "text:SPREADSHEETS",
+    "xlsx": "exchange:SPREADSHEETS", "xls": "exchange:SPREADSHEETS", "ods": "exchange:SPREADSHEETS",
     "h5": "store:HDF5", "hdf5": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS", "ddf": "ddf:FORMAT",
 }  # fmt: skip
 

@@ -1,7 +1,4 @@
-"""Tables of cells of other programs: text of any dialect, or one sheet of a spreadsheet (``.xlsx``, ``.xls``, ``.ods``).
-
-It is found where in the rows the names, units and numbers stand.
-"""
+"""Text of other programs in any dialect: where in its rows names, units and numbers stand, and how these are written."""
 
 from __future__ import annotations
 
@@ -11,10 +8,8 @@ import gzip
 import itertools
 import re
 import unicodedata
-import zipfile
 import zlib
 from collections.abc import Callable, Container, Iterable, Sequence
-from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,11 +17,9 @@ import numpy as np
 
 from ..documents import no_file
 from ..errors import InputError
-from ..extras import library
 from ..isolation import call_outside, check_unpacked
 from . import instruments
-from .sidecar import unreadable
-from .table import FileFormat, ForeignColumn, ForeignTable
+from .table import ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
 MARKS = ("\t", ";", ",", None)  # None stands for blanks
@@ -227,7 +220,7 @@ def table_of_rows(
     labels = names if names is not None else [f"column {at}" for at in range(1, width + 1)]
     cells = list(zip(*(row for _, row in fitting), strict=True)) or [() for _ in labels]
     numbers = [n for n, _ in fitting]
-    plain, said = _with_points(cells, numbers, labels, decimal, where)
+    plain, said = with_points(cells, numbers, labels, decimal, where)
     columns = [ForeignColumn(label, np.array(column, object)) for label, column in zip(labels, plain, strict=True)]
     notes = {"preamble": preamble} if preamble else {}
     return ForeignTable(columns, notes, [*remarks, *said], rows=numbers, named=names is not None)
@@ -352,7 +345,7 @@ class _Witness(NamedTuple):
     column: str
 
 
-def _with_points(
+def with_points(
     columns: Sequence[Sequence[str]], rows: Sequence[int], labels: Sequence[str], decimal: str | None, where: str
 ) -> tuple[list[Sequence[str]], list[str]]:
     """The cells of all columns with decimal points and without what parts thousands: one way of writing for a table.
@@ -363,50 +356,33 @@ def _with_points(
     Raises:
         InputError: no way of writing fits all numbers, or both ways do and would give other numbers.
     """
+    if decimal != "," and not any(
+        "," in c or c.count(".") > 1 or _GROUPED.search(c) for cells in columns for c in cells
+    ):
+        # Points alone, as nearly always: they are decimal where one number says so, as 0.5, 12.25 or 1013.2.
+        pointed = (c.strip() for cells in columns for c in cells if "." in c)
+        if decimal or any(_like_number(c) and not _WRITTEN[","].fullmatch(c) for c in pointed):
+            return [*columns], []
     marked = [
         at for at, column in enumerate(columns)
         if any("," in c or "." in c or _GROUPED.search(c) for c in column) and not _dated(column)
     ]  # fmt: skip
-    only: dict[str, list[_Witness]] = {}  # numbers that fit one way of writing alone, by its decimal mark
-    both: _Witness | None = None
-    for at in marked:
-        for cell, row in zip(columns[at], rows, strict=True):
-            cell = cell.strip()
-            if not ("." in cell or "," in cell) or not _like_number(cell):
-                continue
-            fits = [mark for mark, written in _WRITTEN.items() if written.fullmatch(cell)]
-            if len(fits) == 1:
-                only.setdefault(fits[0], []).append(_Witness(cell, row, labels[at]))
-            elif fits and both is None:
-                both = _Witness(cell, row, labels[at])
-    if decimal is None:
-        if len(only) == 2:
-            odd, usual = (numbers[0] for numbers in sorted(only.values(), key=len))
-            other = "" if usual.column == odd.column else f" of {usual.column}"
-            demand = "a file must not have both decimal points and decimal commas"
-            place = f"{odd.column}, row {odd.row}"
-            problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
-            raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
-        if both is not None and not only:
-            mark = "." if "." in both.cell else ","
-            name, small, large = _NAMES[mark], both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)
-            problem = (
-                f"{both.column}, row {both.row}: {both.cell!r} is {small} if the {name} is the decimal mark, and {large} if "
-                f"it parts thousands; all numbers of the file fit both"
-            )
-            raise InputError("decimal", None, problem, sentence=problem, where=where, remedy="decimal")
-        decimal = next(iter(only), ".")
+    decimal = decimal or _decimal_mark([(columns[at], labels[at]) for at in marked], rows, where)
     group = "." if decimal == "," else ","
     parted: _Witness | None = None
     plain: list[Sequence[str]] = list(columns)
     for at in marked:
         cells = [cell.strip() for cell in columns[at]]
         for i, cell in enumerate(cells):
-            if _like_number(cell) and (_WRITTEN[decimal].fullmatch(cell) or _ZERO.fullmatch(cell)):
-                cells[i] = re.sub(f"{_GROUP}|{re.escape(group)}", "", cell).replace(decimal, ".")
+            if _SIMPLE[decimal].fullmatch(cell):
+                cells[i] = cell.replace(decimal, ".")
+            elif not _like_number(cell):
+                continue
+            elif _WRITTEN[decimal].fullmatch(cell) or _ZERO.fullmatch(cell):
+                cells[i] = _BLANKS.sub("", cell).replace(group, "").replace(decimal, ".")
                 if parted is None and group in cell:
                     parted = _Witness(cell, rows[i], f"{cells[i]}")
-            elif _like_number(cell):  # of the other way of writing, where the mark is stated
+            else:  # of the other way of writing, where the mark is stated
                 demand = f"must be a number with a decimal {_NAMES[decimal]}"
                 raise InputError(f"{labels[at]}, row {rows[i]}", cell, demand, where=where, remedy="decimal")
         plain[at] = cells
@@ -418,9 +394,51 @@ def _with_points(
     ]
 
 
+def _decimal_mark(columns: Sequence[tuple[Sequence[str], str]], rows: Sequence[int], where: str) -> str:
+    """The decimal mark that all numbers of some columns with their labels fit.
+
+    Raises:
+        InputError: none does, or both do and would give other numbers.
+    """
+    only: dict[str, _Witness] = {}  # the first number that fits one way of writing alone, by its decimal mark
+    count = collections.Counter[str]()
+    both: _Witness | None = None
+    for cells, label in columns:
+        for cell, row in zip(cells, rows, strict=True):
+            cell = cell.strip()
+            mark = "," if "," in cell else "."
+            if mark in only and _SIMPLE[mark].fullmatch(cell):  # no witness for the other mark, whatever it is
+                count[mark] += 1
+            elif mark in cell and _like_number(cell):
+                fits = [one for one, written in _WRITTEN.items() if written.fullmatch(cell)]
+                if len(fits) == 1:
+                    only.setdefault(fits[0], _Witness(cell, row, label))
+                    count[fits[0]] += 1
+                elif fits and both is None:
+                    both = _Witness(cell, row, label)
+    if len(only) == 2:
+        odd, usual = (only[mark] for mark in sorted(only, key=lambda mark: count[mark]))
+        other = "" if usual.column == odd.column else f" of {usual.column}"
+        demand = "a file must not have both decimal points and decimal commas"
+        place = f"{odd.column}, row {odd.row}"
+        problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
+        raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
+    if both is not None and not only:
+        mark = "." if "." in both.cell else ","
+        small, large = both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)
+        problem = (
+            f"{both.column}, row {both.row}: {both.cell!r} is {small} if the {_NAMES[mark]} is the decimal mark, and "
+            f"{large} if it parts thousands; all numbers of the file fit both"
+        )
+        raise InputError("decimal", None, problem, sentence=problem, where=where, remedy="decimal")
+    return next(iter(only), ".")
+
+
 _NAMES = {".": "point", ",": "comma"}
 _ZERO = re.compile(r"[-+]?0(?:[.,]000)+")
 _GROUPED = re.compile(rf"\d{_GROUP}\d")
+_BLANKS = re.compile(_GROUP)
+_SIMPLE = {mark: re.compile(rf"[-+]?\d*{re.escape(mark)}\d+(?:[eE][-+]?\d+)?") for mark in ".,"}
 
 
 def _dated(column: Sequence[str]) -> bool:
@@ -498,103 +516,3 @@ def plain_names(names: Iterable[str], plain: Callable[[str], str], longest: int 
             taken = f"{stem}_{count}"
         found.append(taken)
     return found
-
-
-def read_spreadsheet(
-    path: Path, sheet: str | int | None = None, decimal: str | None = None, header: str | Sequence[str] | None = None
-) -> ForeignTable:
-    """Read the cells of a sheet as a table.
-
-    Args:
-        path: the file.
-        sheet: name, or number from 1; by default the only one with rows of numbers.
-        decimal: decimal mark of numbers that are texts in the sheet.
-        header: names of the columns with their units, see `table_of_rows`.
-
-    Raises:
-        InputError: the file cannot be read, there is no such sheet, or several have cells and none is named.
-    """
-    where = str(path)
-    calamine = library("python_calamine", "Spreadsheets need", where=where)
-    with unreadable("a spreadsheet", where):
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as packed:
-                check_unpacked(0.25 * sum(one.file_size for one in packed.infolist()))  # most of it is tags
-        book = calamine.CalamineWorkbook.from_path(where)
-        names = list(book.sheet_names)
-        filled = {
-            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in _asked(names, sheet, where)
-        }
-    tables = {name: _texts_with_points(rows, decimal, where) for name, rows in filled.items()}
-    tables = {
-        name: [(i, row) for i, row in rows if any(row) and not row[0].startswith("#")] for name, rows in tables.items()
-    }
-    tables = {name: rows for name, rows in tables.items() if rows}
-    remarks: list[str] = []
-    if len(tables) > 1:
-        measured = {name: rows for name, rows in tables.items() if any(mostly_numbers(row) for _, row in rows)}
-        if len(measured) == 1:
-            remarks = [
-                f"sheet {name} is left out: it has no rows of numbers" for name in tables if name not in measured
-            ]
-            tables = measured
-    if len(tables) > 1:
-        problem = f"the sheets {', '.join(tables)} have tables; say which one is meant"
-        raise InputError("sheet", ", ".join(tables), problem, sentence=problem, where=where, remedy="sheet")
-    if not tables:
-        raise InputError("file", None, "is empty", where=where)
-    ((name, rows),) = tables.items()
-    # columns at the left and right in which all cells are blank are no part of the table
-    used = [i for i in range(len(rows[0][1])) if any(row[i] for _, row in rows)]
-    rows = [(n, row[used[0] : used[-1] + 1]) for n, row in rows]
-    table = table_of_rows(rows, where, decimal=".", header=header)
-    return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
-
-
-def sheet_names(path: Path) -> list[str]:
-    """Names of the sheets that have cells."""
-    where = str(path)
-    calamine = library("python_calamine", "Spreadsheets need", where=where)
-    with unreadable("a spreadsheet", where):
-        book = calamine.CalamineWorkbook.from_path(where)
-        return [name for name in book.sheet_names if book.get_sheet_by_name(name).to_python(nrows=1)]
-
-
-def _asked(names: list[str], sheet: str | int | None, where: str) -> list[str]:
-    if sheet is None:
-        return names
-    if isinstance(sheet, int) or (sheet.isdecimal() and sheet not in names):
-        if 1 <= int(sheet) <= len(names):
-            return [names[int(sheet) - 1]]
-        raise InputError("sheet", int(sheet), f"must be between 1 and {len(names)}", where=where)
-    if sheet not in names:
-        raise InputError("sheet", sheet, known=names, where=where)
-    return [sheet]
-
-
-def _texts_with_points(rows: Sequence[Sequence[object]], decimal: str | None, where: str) -> Rows:
-    """The rows of a sheet as texts; numbers that are texts in the sheet have one decimal mark, which may be a comma."""
-    texts = [[cell if isinstance(cell, str) else "" for cell in column] for column in zip(*rows, strict=True)]
-    labels = [f"column {at}" for at in range(1, len(texts) + 1)]
-    plain, _ = _with_points(texts, range(1, len(rows) + 1), labels, decimal, where)
-    return [
-        (i, [_cell_text(text if isinstance(cell, str) else cell) for cell, text in zip(row, changed, strict=True)])
-        for i, (row, changed) in enumerate(zip(rows, zip(*plain, strict=True), strict=False), 1)
-    ]
-
-
-def _cell_text(cell: object) -> str:
-    if isinstance(cell, float):
-        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
-    if isinstance(cell, bool):
-        return str(int(cell))
-    if isinstance(cell, datetime | date | time):
-        return cell.isoformat(sep=" ") if isinstance(cell, datetime) else cell.isoformat()
-    if isinstance(cell, timedelta):
-        return repr(cell.total_seconds())
-    return str(cell).strip()
-
-
-SPREADSHEETS = FileFormat(
-    title="Spreadsheets", read=read_spreadsheet, options=("sheet", *TEXT_OPTIONS), parts=sheet_names
-)

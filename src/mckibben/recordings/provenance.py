@@ -194,7 +194,10 @@ HARMLESS = ("repeated", "bad_checksum", "undecodable", *TAKEN)  # what is lost b
 
 
 def cautions_of(meta: Mapping[str, JsonValue]) -> tuple[Caution, ...]:
-    """What metadata say against the samples of a recording: lost and late ones, saturation, warnings, rows left out."""
+    """What metadata say against the samples of a recording: lost and late ones, saturation, warnings, rows left out.
+
+    Of the file of another program also what was mended in its clock, and that its runs stand one after another.
+    """
     sentences = [(text, "hardware") for text in _lines(_table(meta.get("hardware")))]
     timing = _table(meta.get("deadlines"))
     if behind := _count(timing, "behind"):
@@ -204,10 +207,9 @@ def cautions_of(meta: Mapping[str, JsonValue]) -> tuple[Caution, ...]:
     sentences += [
         (f"{name} {_saturated(_table(one))}", name) for name, one in _table(meta.get("saturation")).items() if one
     ]
-    source = _table(meta.get("source")).get("left_out")
-    sentences += (
-        [(str(text).rstrip("."), "source") for text in source or ()] if isinstance(source, list | tuple) else []
-    )
+    source = _table(meta.get("source"))
+    for said in (source.get("left_out"), source.get("changed")):
+        sentences += [(str(text).rstrip("."), "source") for text in said] if isinstance(said, list | tuple) else []
     warnings = meta.get("warnings")
     listed = warnings if isinstance(warnings, list | tuple) else ()
     sentences += [(str(_table(one).get("text", one)), "warnings") for one in listed]

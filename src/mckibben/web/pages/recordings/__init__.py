@@ -320,8 +320,8 @@ class ImportDialog:
     """Import a file: dropped or chosen; if a header is insufficient, columns and units are requested.
 
     Args:
-        take: given the file, a place for its progress, columns, units, period, and sheet or topic; gives name and remarks,
-            or raises why it is refused.
+        take: given the file, a place for its progress, what was stated of it, and sheet or topic; gives name and remarks, or
+            raises why it is refused.
         done: told the name of what is there now, and remarks.
 
     Attributes:
@@ -344,9 +344,9 @@ class ImportDialog:
             self._which = box("div", "stack")
             with box("div", "stack"):
                 text("p", "For files of other programs whose header does not state them.", "small dim")
-                self._columns = TypedField("Columns", about="such as tension=Load cell; pressure=2; time=1")
-                self._units = TypedField("Units", about="such as pressure=bar; tension=N")
-                self._period = TypedField("Interval of the samples", about="where the file has no time, such as 1 ms")
+                self._stated = {
+                    name: TypedField(one.label, about=f"{one.about} {one.example}") for name, one in jobs.STATED.items()
+                }
                 with box("div", "row"):
                     button("Import", self._again, primary=True)
 
@@ -381,9 +381,8 @@ class ImportDialog:
             return
         self.dialog.answer("")
         try:
-            columns = jobs.pairs(self._columns.value, "columns", "tank.pressure=2")
-            units = jobs.pairs(self._units.value, "units", "tank.pressure=bar")
-            result = await self._take(one, self._progress, columns, units, self._period.value.strip(), self._part)
+            stated = {name: field.value for name, field in self._stated.items()}
+            result = await self._take(one, self._progress, stated, self._part)
         except MckibbenError as error:
             self.dialog.open()  # it is closed where the file was dropped on the list
             self.dialog.answer(str(error))

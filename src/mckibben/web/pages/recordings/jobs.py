@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ....errors import InputError, MckibbenError
 from ....formats.registry import part_options
@@ -28,13 +29,39 @@ class ImportedFile(NamedTuple):
     remarks: list[str]  # a line for each thing that was not taken over as it is
 
 
+class StatedField(NamedTuple):
+    """A field of the import dialog, for what the file of another program does not say.
+
+    Args:
+        label: of the field.
+        example: what may be typed.
+        remedy: first word of the remedy of an error that it puts right.
+        about: when it is needed, before the example.
+    """
+
+    label: str
+    example: str
+    remedy: str = ""
+    about: str = "such as"
+
+
+STATED = {
+    "columns": StatedField("Columns", "tension=Load cell; pressure=2; time=1", "column"),
+    "units": StatedField("Units", "pressure=bar; tension=N", "unit"),
+    "scales": StatedField("Scales of raw signals", "pressure=2 bar/V - 1 bar; tension=0.5 N/count", "scale"),
+    "header": StatedField(
+        "Names of the columns", "time_ms, pressure_bar, force_N", "header", "where the file has none, such as"
+    ),
+    "decimal": StatedField("Decimal mark", "a . or a ,", "decimal", "where numbers fit both:"),
+    "period": StatedField("Interval of the samples", "1 ms", "period", "where the file has no time, such as"),
+}
+
+
 def imported(
     path: Path,
     name: str,
     target: Path,
-    columns: Mapping[str, str],
-    units: Mapping[str, str],
-    period: str,
+    stated: Mapping[str, str],
     part: str = "",
 ) -> ImportedFile:
     """Make a recording of a file, in a separate process if the file is large.
@@ -43,9 +70,7 @@ def imported(
         path: the file.
         name: name that its sender gave it.
         target: that the recording is written to, if the file is none already.
-        columns: channel name -> label or number of the column, as text.
-        units: channel name -> unit as text.
-        period: interval of the samples as text, where the file has no time.
+        stated: what a person stated of the file as text, by the keys of `STATED`; empty text for nothing.
         part: sheet of a spreadsheet or topic of a bag, where one is chosen.
 
     Raises:
@@ -53,19 +78,25 @@ def imported(
     """
     check_kind(name)
     check_rows(path, MOST_ROWS, "a recording")
-    places = {k: int(v) if v.isdecimal() else v for k, v in columns.items()}
-    step = parse(period, "s", field="period", bare=True) if period else None
+    given = {name: value.strip() for name, value in stated.items() if value.strip()}
+    options: dict[str, Any] = {
+        name: pairs(value, name, STATED[name].example) if "=" in STATED[name].example else value
+        for name, value in given.items()
+    }
+    if "columns" in options:
+        options["columns"] = {k: int(v) if v.isdecimal() else v for k, v in options["columns"].items()}
+    if "period" in options:
+        options["period"] = parse(given["period"], "s", field="period", bare=True)
     try:
-        options = part_options(path, part)
-        read = read_any(path, columns=places or None, units=dict(units) or None, period=step, **options)
+        read = read_any(path, **options, **part_options(path, part))
     except MckibbenError as error:
         # the file by the name that its sender gave it, not by the path of its copy
         plain = error.changed(remedy="") if isinstance(error, InputError) else error
         sentence = f"{str(plain).replace(str(path), name).rstrip('.')}."
         remedy, _, lacking = str(getattr(error, "remedy", "")).partition(" ")
-        if remedy in ("column", "unit"):  # it can be said in the dialog
-            example = f"Columns, such as {lacking}=2" if remedy == "column" else f"Units, such as {lacking}=bar"
-            sentence += f" Say it under {example}."
+        if (field := next((one for one in STATED.values() if one.remedy == remedy), None)) is not None:
+            example = re.sub("^[^=;]*(?==)", lacking, field.example) if lacking else field.example
+            sentence += f" Say it under {field.label}, such as {example.partition(';')[0]}."
         if isinstance(error, InputError):  # it keeps the field that is to blame
             raise error.changed(where="", sentence=sentence, remedy="") from None
         raise MckibbenError(sentence) from None
