@@ -8,7 +8,8 @@ BIN    := $(VENV)/Scripts
 endif
 RUN    := $(BIN)/python -m
 WORKERS ?= 2
-PACKAGES := packages/lanewise packages/mckibben-benchmark packages/mckibben-hardware packages/mckibben-hosts packages/mckibben-papers
+PACKAGES := $(patsubst %/pyproject.toml,%,$(wildcard packages/*/pyproject.toml))
+ABOVE  := $(filter-out packages/lanewise,$(PACKAGES))
 DATA   := $(or $(MCKIBBEN_DATA),../shared/data)
 
 .PHONY: demo plan wheel test slow validation lint docs firmware bench lock clean help
@@ -47,10 +48,7 @@ wheel: $(VENV)/.run ## Build wheels and source archives of all packages; call ev
 
 test: lint ## Run the whole suite
 	$(RUN) pytest -n $(WORKERS) -m "not slow" tests packages/lanewise/tests
-	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hardware/tests
-	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-hosts/tests
-	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-benchmark/tests
-	$(RUN) pytest -n $(WORKERS) --dist loadfile -m "not slow" packages/mckibben-papers/tests
+	for package in $(ABOVE); do $(RUN) pytest -n $(WORKERS) -m "not slow" $$package/tests || exit 1; done
 
 slow: $(VENV)/.test ## Run the tests that take minutes
 	$(RUN) pytest -n $(WORKERS) -m slow

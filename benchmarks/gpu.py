@@ -97,14 +97,12 @@ def rollouts(lanes: int) -> tuple[lanewise.Program, list[Any]]:
 def measure_many(gpu: Any) -> dict[str, Any]:
     """Derivatives of many runs, and a sample of a million variants with the copying of their arguments."""
     found: dict[str, Any] = {}
-    adjoint, values = rollouts(ROLLOUTS)
+    (adjoint, values), variants = rollouts(ROLLOUTS), Example(VARIANTS).swept()
     for real in REALS:
         seconds = on_gpu(lanewise.to_gpu(adjoint), values, ROLLOUTS, real, "default")
         found[f"GPU, {ROLLOUTS} rollouts of {SAMPLES} samples with derivatives, {real} [s]"] = seconds
-        example = Example(VARIANTS)
-        swept = example.swept()
         began = time.perf_counter()
-        gpu.call(swept, lanes=VARIANTS, real=real)
+        gpu.call(variants, lanes=VARIANTS, real=real)
         found[f"GPU, a sample of {VARIANTS} variants, {real}, wall clock [s]"] = time.perf_counter() - began
     return found
 

@@ -64,7 +64,8 @@ class Job:
             if not name.startswith(("MCKIBBEN_", "JAX_", "LANEWISE_", "MPL"))
         } | {"XDG_CACHE_HOME": str(self._room / "cache"), "HOME": str(self._room)}
         source = Path(__file__).resolve().parents[1]
-        paths = [str(source / "src"), str(source / "packages/lanewise/src"), os.environ.get("PYTHONPATH", "")]
+        own = [source / "src", *sorted(source.glob("packages/*/src"))]
+        paths = [*map(str, own), os.environ.get("PYTHONPATH", "")]
         self._environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
 
     def file(self, name: str, text: str) -> None:

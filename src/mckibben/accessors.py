@@ -74,7 +74,7 @@ def implementation(name: str) -> Any:
     """The object that carries out what a lower room offers, its module loaded.
 
     Args:
-        name: of it in `PLACES`; a distribution beside this one may state a place, ``"module:name"``, itself.
+        name: of it in `PLACES`, or its place itself where its module imports the one that asks.
     """
     module, _, attribute = PLACES.get(name, name).partition(":")
     return getattr(importlib.import_module(f"{__package__}.{module}"), attribute)

@@ -52,7 +52,25 @@ def plugins(group: str) -> dict[str, Any]:
     Raises:
         InputError: an entry point names what cannot be imported.
     """
-    return {point.name: _loaded(point) for point in _entry_points() if point.group == group}
+    return {name: loaded(point) for name, point in entry_points(group).items()}
+
+
+def entry_points(group: str) -> dict[str, Any]:
+    """What installed packages add to a group, by name, before it is loaded by `loaded`."""
+    return {point.name: point for point in _entry_points() if point.group == group}
+
+
+def loaded(point: Any) -> Any:
+    """Load what an entry point names.
+
+    Raises:
+        InputError: it names what cannot be imported.
+    """
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        demand = f"the entry point {point.value} of {point.group} cannot be loaded: {error}"
+        raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
 
 
 def announced(group: str, name: str, package: str, purpose: str, *, extra: str | None = None) -> Any:
@@ -73,7 +91,7 @@ def announced(group: str, name: str, package: str, purpose: str, *, extra: str |
     if distribution is None:
         raise MissingLibraryError(purpose, PACKAGES[package], extra or package)
     if point is not None:
-        return _loaded(point)
+        return loaded(point)
     problem = f"another version of {PACKAGES[package]} than {distribution.version}: pip install 'mckibben[{package}]'"
     raise InputError(name, None, problem, sentence=f"{purpose} {problem}")
 
@@ -100,14 +118,6 @@ def _announcement(group: str, name: str, package: str) -> tuple[Any, Any]:
 def join(package: str) -> None:
     """Have the sources of an imported package watched, so that kernels of its functions are kept as those of this one."""
     WATCHED.add(package)
-
-
-def _loaded(point: Any) -> Any:
-    try:
-        return point.load()
-    except (ImportError, AttributeError) as error:
-        demand = f"the entry point {point.value} of {point.group} cannot be loaded: {error}"
-        raise InputError(point.name, point.value, demand, sentence=f"{point.name}: {demand}") from None
 
 
 @functools.cache

@@ -4,6 +4,7 @@ import importlib.metadata
 
 import pytest
 
+from mckibben import registry
 from mckibben.bench.hardware import backends
 from mckibben.bench.hardware.backends import HardwareRequest, check_connection, connected
 from mckibben.bench.hardware.interface import Hardware
@@ -38,7 +39,7 @@ class Desk(Hardware):
 def desk(monkeypatch):
     point = importlib.metadata.EntryPoint("desk", f"{__name__}:Desk", backends.GROUP)
     monkeypatch.setattr(importlib.metadata.EntryPoint, "load", lambda self: Desk)
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [point] if group == backends.GROUP else [])
+    monkeypatch.setattr(registry, "_entry_points", lambda: [point])
 
 
 def test_a_backend_of_another_package_is_opened_by_its_name_and_closed(desk):
@@ -49,6 +50,13 @@ def test_a_backend_of_another_package_is_opened_by_its_name_and_closed(desk):
         machine.write(6, 9)
         machine.vent()
     assert machine.sent == [(5, 7, False), (6, 9, True), (0, 9, True)] and machine.closed
+
+
+def test_a_backend_that_cannot_be_loaded_is_refused_in_one_sentence(monkeypatch):
+    point = importlib.metadata.EntryPoint("desk", "no_such_package:Desk", backends.GROUP)
+    monkeypatch.setattr(registry, "_entry_points", lambda: [point])
+    with pytest.raises(InputError, match="the entry point no_such_package:Desk of mckibben.hardware cannot be loaded"):
+        check_connection("desk:left")
 
 
 def test_no_words_and_simulated_stand_for_no_hardware():

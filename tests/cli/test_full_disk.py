@@ -17,11 +17,6 @@ import numpy as np
 import pytest
 from test_broken_input import POSTERIOR
 
-import mckibben
-import mckibben_benchmark
-import mckibben_hardware
-import mckibben_hosts
-import mckibben_papers
 from lanewise import ArgumentError, Program, cache
 from mckibben.bench.run import prepare, run
 from mckibben.cli import _outputs, main
@@ -32,6 +27,7 @@ from mckibben.formats.live_log import LiveLog
 from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.recordings.tables import write_table
 
+ROOT = Path(__file__).parents[2]
 resource = pytest.importorskip("resource", reason="Windows has no such limit")
 
 TIME = 1e-3 * np.arange(2_000)
@@ -128,8 +124,7 @@ def test_a_characterisation_without_room_moves_nothing(said, full):
 
 def test_files_are_written_through_the_two_functions_that_leave_no_half():
     """Every other place that writes itself is known here, with the reason."""
-    packages = (mckibben, mckibben_benchmark, mckibben_hardware, mckibben_hosts, mckibben_papers)
-    folders = [Path(package.__file__).parent for package in packages]
+    folders = [ROOT / "src" / "mckibben", *ROOT.glob("packages/mckibben-*/src/*")]
     writing = re.compile(
         r"\.write_(bytes|text|parquet)\(|savefig\(|savemat\(|to_(netcdf|csv)\(|\b(?:open|fdopen)\([^)\n]*[\"'](?:[wax]b?\+?|ab|r\+b?)[\"']"
     )

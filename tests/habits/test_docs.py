@@ -27,9 +27,9 @@ PLAIN = {page: re.sub(r"^```.*?^```", "", text, flags=re.M | re.S) for page, tex
 
 
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
-READMES = ["SECURITY.md", "CHANGELOG.md", "benchmarks/README.md", "packages/lanewise/README.md"]
-READMES += ["packages/mckibben-hardware/README.md", "packages/mckibben-hardware/firmware/README.md"]
-LINKED = [*WRITTEN, *NOTEBOOKS, *sorted((ROOT / "examples").rglob("*.ipynb")), *(ROOT / name for name in READMES)]
+READMES = [*(ROOT / name for name in ("SECURITY.md", "CHANGELOG.md", "benchmarks/README.md"))]
+READMES += sorted((ROOT / "packages").rglob("README.md"))
+LINKED = [*WRITTEN, *NOTEBOOKS, *sorted((ROOT / "examples").rglob("*.ipynb")), *READMES]
 # Rooms without a page in the reference of Python: command line and screen have pages of their own.
 NO_ROOM = ("mckibben.cli", "mckibben.__main__", "mckibben.batch", "mckibben.web")
 

@@ -1,5 +1,6 @@
 """What a published package says of itself, and says the same everywhere."""
 
+import importlib
 import re
 import tomllib
 from pathlib import Path
@@ -9,20 +10,17 @@ from packaging.specifiers import SpecifierSet
 
 import lanewise
 import mckibben
-import mckibben_benchmark
-import mckibben_hardware
-import mckibben_hosts
-import mckibben_papers
 from mckibben.extras import LIBRARIES
 from mckibben.registry import PACKAGES
 
 ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = SETTINGS["project"]
 COMPILER = tomllib.loads((ROOT / "packages/lanewise/pyproject.toml").read_text(encoding="utf-8"))["project"]
 ABOVE = {
-    package.__name__.replace("_", "-"): (package, tomllib.loads((folder / "pyproject.toml").read_text())["project"])
-    for package in (mckibben_benchmark, mckibben_hardware, mckibben_hosts, mckibben_papers)
-    for folder in [Path(package.__file__).parents[2]]
+    name: (importlib.import_module(name.replace("-", "_")), tomllib.loads(path.read_text(encoding="utf-8"))["project"])
+    for name in sorted(PACKAGES.values())
+    for path in [ROOT / "packages" / name / "pyproject.toml"]
 }
 BOUNDED = [r for r in {*PROJECT["dependencies"], *COMPILER["dependencies"]} if not r.startswith("lanewise")]
 WORKFLOW = (ROOT / ".github/workflows/test.yml").read_text(encoding="utf-8")
@@ -73,8 +71,18 @@ def test_the_demonstration_installs_what_the_package_needs_and_what_writes_pdf()
     assert asked <= pinned
 
 
-def test_the_packages_above_are_those_that_mckibben_knows() -> None:
-    assert set(ABOVE) == set(PACKAGES.values())
+def test_the_packages_above_are_known_wherever_they_must_be_named() -> None:
+    """Elsewhere a pattern finds them: in the `Makefile`, in the folders of types and tests, in the check of the wheels."""
+    assert {path.parent.name for path in ROOT.glob("packages/*/pyproject.toml")} == {"lanewise", *ABOVE}
+    modules = {package.__name__ for package, _ in ABOVE.values()}
+    imports = SETTINGS["tool"]["importlinter"]
+    assert set(imports["root_packages"]) == {"mckibben", "lanewise", *modules}
+    contracts = [c for c in imports["contracts"] if c["type"] == "forbidden"]
+    forbidden = {c["source_modules"][0]: set(c["forbidden_modules"]) for c in contracts}
+    assert forbidden["mckibben"] == modules
+    assert forbidden["lanewise"] == {"mckibben", *modules}
+    (documented,) = re.findall(r"^ +paths: \[(.*)\]$", "\n".join(lines("mkdocs.yml")), flags=re.M)
+    assert set(documented.split(", ")) == {"src", *(f"packages/{name}/src" for name in ABOVE)}
     extras = PROJECT["optional-dependencies"]
     assert {extra: names(extras[extra]) for extra in PACKAGES} == {e: {n} for e, n in PACKAGES.items()}
 

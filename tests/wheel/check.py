@@ -25,20 +25,11 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 COMPILER = ROOT / "packages" / "lanewise"
-# Distributions above mckibben, by the extra that brings each, with what they ship beside their modules.
-ABOVE = {
-    "benchmark": (ROOT / "packages" / "mckibben-benchmark", ("README.md", "LICENSE")),
-    "hardware": (
-        ROOT / "packages" / "mckibben-hardware",
-        ("README.md", "LICENSE", "firmware/README.md", "firmware/bench.c"),
-    ),
-    "hosts": (ROOT / "packages" / "mckibben-hosts", ("README.md", "LICENSE", "NOTICE")),
-    "papers": (ROOT / "packages" / "mckibben-papers", ("README.md", "LICENSE")),
-}
+ABOVE = sorted((ROOT / "packages").glob("mckibben-*"))  # distributions above mckibben
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
-HARDWARE_KEPT = ("README.md", "LICENSE", "firmware/README.md", "firmware/bench.c")
+KEPT_ABOVE = ("README.md", "LICENSE", "NOTICE", "firmware/README.md", "firmware/bench.c")  # of those that have them
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
 LONGEST = 300.0  # after which a command is ended [s]
@@ -333,7 +324,8 @@ def main() -> int:
         wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
         wrong += more
         above = []
-        for folder, kept in ABOVE.values():
+        for folder in ABOVE:
+            kept = [name for name in KEPT_ABOVE if (folder / name).is_file()]
             one, more = built(folder, folder.name.replace("-", "_"), kept, place / folder.name)
             above.append(one)
             wrong += more
@@ -342,7 +334,7 @@ def main() -> int:
         wrong += example_runs(python, COMPILER, place, without="mckibben")
         install(python, compiler, wheel)
         wrong += packaged_commands(python, place)
-        for one, (folder, _) in zip(above, ABOVE.values(), strict=True):
+        for one, folder in zip(above, ABOVE, strict=True):
             install(python, compiler, wheel, one)
             wrong += example_runs(python, folder, place)
         names = ", ".join(one.name for one in (compiler, wheel, *above))

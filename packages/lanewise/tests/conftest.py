@@ -1,8 +1,10 @@
-"""What the package's tests share: numbers of 64 bits, and kernels in a folder of the repository, not in the user's."""
+"""What the package's tests share: numbers of 64 bits, the same examples in every run, kernels where the package keeps them.
+
+The examples are said again, for whoever runs these tests from the package's source archive.
+"""
 
 import os
 from collections.abc import Iterator
-from pathlib import Path
 
 import jax
 import pytest
@@ -13,7 +15,6 @@ from lanewise import cache
 jax.config.update("jax_enable_x64", True)
 settings.register_profile("suite", deadline=None, database=None, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
-os.environ.setdefault("LANEWISE_CACHE", str(Path(__file__).parents[3] / ".pytest_cache" / "kernels"))
 
 
 @pytest.fixture(scope="module", autouse=True)

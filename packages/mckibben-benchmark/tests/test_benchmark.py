@@ -142,6 +142,26 @@ def test_no_fold_knows_what_another_was_shown(law):
     ]
 
 
+def test_a_model_that_is_given_as_itself_comes_to_every_fold_as_it_was_given():
+    class Collector:
+        """It predicts the mean of all that it was ever shown."""
+
+        def __init__(self):
+            self.shown = []
+
+        def fit(self, train):
+            self.shown += [r.outputs["tension"] for r in train]
+
+        def predict(self, record):
+            return {"tension": np.full(len(record), np.mean(np.concatenate(self.shown)))}
+
+    chosen, given = task("map-pressure-out"), Collector()
+    folds = chosen.load()[:2]
+    (_, behind), (alone,) = (run_task(chosen, some, "all", model=given).records for some in (folds, folds[1:]))
+    assert (behind.fold, behind.sum_squares) == (alone.fold, alone.sum_squares)
+    assert given.shown == []
+
+
 @measured("dmsp_10_250_holds")
 @pytest.mark.parametrize("name", ["friction", "friction_discrepancy"])
 def test_hidden_holds_move_no_bit_of_what_is_predicted(name, tmp_path):

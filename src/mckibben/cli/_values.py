@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from .. import registry
 from ..answers import Caution, collect
 from ..documents import JsonValue, parse_toml
 from ..verbs import QUANTITIES, ParameterType
@@ -53,11 +54,9 @@ def parts() -> Iterator[tuple[str, str]]:
 
 def laws() -> Iterator[tuple[str, str]]:
     """Names of the tension laws, those of installed packages too."""
-    from importlib.metadata import entry_points
-
     files = sorted((PACKAGE / "muscles" / "laws").glob("[a-z]*.py"))
     yield from ((path.stem, _first_line(path)) for path in files)
-    yield from ((point.name, point.value) for point in entry_points(group="mckibben.laws"))
+    yield from ((name, point.value) for name, point in registry.entry_points("mckibben.laws").items())
 
 
 def muscles_and_laws() -> Iterator[tuple[str, str]]:

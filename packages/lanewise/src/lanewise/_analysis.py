@@ -2,8 +2,9 @@
 
 `find_live` works backwards from the results through loops and memory; `find_homes` puts every node as far out of the
 loops as its arguments allow; `make_schedule` orders nodes, loops and stores as a tree of blocks that an emitter walks
-once; `find_divergence` says which values differ from lane to lane, `find_wide_loops` which loops of a run without lanes do
-several trips at once. `rewrite` makes the live part of a graph again by a rule.
+once, `order_for_registers` so that fewer values are held at once; `find_divergence` says which values differ from lane
+to lane, `find_wide_loops` which loops of a run without lanes do several trips at once. `rewrite` makes the
+live part of a graph again by a rule.
 """
 
 from __future__ import annotations
@@ -429,7 +430,7 @@ class _Order:
                 push(following, entry if isinstance(entry, Loop) else within)
 
 
-# ---- divergence
+# ---- order for registers
 
 
 def order_for_registers(plan: Schedule, held: Collection[Node]) -> Schedule:
@@ -518,6 +519,9 @@ def _fewest_held(entries: list[Any], kept: set[Node], held: Collection[Node]) ->
             if not missing[user]:
                 heapq.heappush(ready, (-frees[user], place[user], user))
     return order
+
+
+# ---- divergence
 
 
 class Divergence(NamedTuple):

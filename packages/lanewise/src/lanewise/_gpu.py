@@ -55,11 +55,8 @@ from .errors import ArgumentError, DriverError, UnavailableError
 VARIABLE = "LANEWISE_GPU_DRIVER"  # a library to load in the place of the driver's
 NAMES = {"win32": ("nvcuda.dll",)}.get(sys.platform, ("libcuda.so.1", "libcuda.so"))
 PROCESSORS, MAJOR, MINOR = 16, 75, 76  # attributes of a device
-REGISTERS, LOG, LOG_SIZE = (
-    0,
-    5,
-    6,
-)  # options of loading: registers of a thread, where errors are written, and how much of them
+# options of loading: registers of a thread, where errors are written, and how much of them
+REGISTERS, LOG, LOG_SIZE = 0, 5, 6
 SPACE = 8192  # for them
 CALLS: dict[str, Sequence[Any]] = {
     "cuInit": (c_uint,),
@@ -258,9 +255,7 @@ ALL_REGISTERS = 255  # that a thread may have
 # Where a step holds more than a thread may have, as with reciprocals taken together and on the way back of an adjoint, the
 # rest goes through memory, and few threads with all registers are faster.
 MOST_REGISTERS, MOST_THREADS, FEW_THREADS = 128, 512, 64
-UNIFORMS = (
-    3584  # bytes of what all lanes share, at most: it is an argument of a launch, of which there may be 4,096 bytes
-)
+UNIFORMS = 3584  # bytes of what all lanes share, at most: with other arguments a launch takes 4,096 bytes of it
 TRIPLE = 'target triple = "nvptx64-nvidia-cuda"'
 PLACE = ("tid.x", "ctaid.x", "ntid.x")
 
@@ -457,7 +452,6 @@ class GpuKernel(Kernel):
         most: lanes at a time, at most; what fits the memory by default.
         uniforms: bytes of what all lanes share and an entry of its own makes.
         registers: of a thread, at most; 0 for as many as it takes.
-        block: threads of a block; 0 for what `block_of` says.
 
     Attributes:
         seconds: that the GPU took for the last call, copies left out [s].
@@ -474,11 +468,10 @@ class GpuKernel(Kernel):
         most: int | None = None,
         uniforms: int = 0,
         registers: int = 0,
-        block: int = 0,
     ) -> None:
         self.device, self.slots, self.places, self.scratch = device, list(slots), places, scratch
         self.real, self.most, self.seconds = np.dtype(real), most, 0.0
-        self.uniforms, self.registers, self.block = uniforms, registers, block
+        self.uniforms, self.registers = uniforms, registers
         use_device(device)
         self.functions = load_ptx(text, [ENTRY, FIRST] if uniforms else [ENTRY], registers)
 
@@ -526,9 +519,8 @@ class GpuKernel(Kernel):
             allocate(self.uniforms) as values,
         ):
             shared: list[np.ndarray] = []
-            for k, first in enumerate(range(0, n, size)):
+            for first in range(0, n, size):
                 last = min(first + size, n)
-                fixed = k == 0
                 for slot, array, (a, b) in zip(self.slots, arrays, self.places.begins, strict=True):
                     if slot.role != "argument":
                         continue
@@ -536,13 +528,13 @@ class GpuKernel(Kernel):
                         part = np.zeros((*slot.shape, stride), array.dtype)
                         part[..., : last - first] = array[..., first:last]
                         copy_to_device(memory + a + b * stride, part)
-                    elif fixed:
+                    elif first == 0:
                         copy_to_device(memory + a, array)
-                if fixed and self.uniforms:
+                if first == 0 and self.uniforms:
                     self.seconds += launch(self.functions[1], 1, 1, memory, values, stride)
                     shared = [np.empty(self.uniforms, np.uint8)]
                     copy_from_device(shared[0], values)
-                block = self.block or self.block_of(last - first)
+                block = self.block_of(last - first)
                 blocks = -(-(last - first) // block)
                 self.seconds += launch(self.functions[0], blocks, block, memory, scratch, stride, last - first, *shared)
                 self._get(arrays, memory, stride, first, last)

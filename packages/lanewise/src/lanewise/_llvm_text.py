@@ -75,7 +75,7 @@ class Text:
 
     def name(self, node: Node, vector: bool) -> str:
         """A value, repeated in all lanes where a vector is wanted of what all share."""
-        if node.op == "const" and not (vector and self._is_long(node)):
+        if node.op == "const" and not (vector and self._shares_long(node)):
             return self.literal(node, vector)
         if not vector or node in self.divergence.nodes:
             return self.names[node]
@@ -87,8 +87,8 @@ class Text:
             self.splats[node] = name
         return self.splats[node]
 
-    def _is_long(self, node: Node) -> bool:
-        """Name a constant of which an instruction of a GPU has no room for the lower half, among what all lanes share."""
+    def _shares_long(self, node: Node) -> bool:
+        """Put a constant of which an instruction of a GPU has no room for the lower half among what all lanes share."""
         if self.uniforms is None or node.kind != "real" or self.real != "double":
             return False
         if int(number(node.attr), 16) & 0xFFFFFFFF == 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import sys
 import time
@@ -408,7 +409,7 @@ def run_task(
         chosen: the task.
         folds: of the task, see `BenchmarkTask.load`.
         name: of the model.
-        model: the model itself, if it is not one of that name.
+        model: the model itself, if it is not one of that name; a copy of it is fitted for each fold.
 
     Returns:
         The scores, or the reason why the model cannot do the task.
@@ -419,7 +420,7 @@ def run_task(
     began = time.process_time()
     try:
         for fold in every:
-            contender = new_model(name) if model is None else model
+            contender = new_model(name) if model is None else copy.deepcopy(model)
             contender.fit(fold.train)
             for record, counted in zip(fold.test, fold.scored, strict=True):
                 predicted = contender.predict(record.unseen())

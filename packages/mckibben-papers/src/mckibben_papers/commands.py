@@ -98,8 +98,8 @@ def reproduce_papers(
         outcomes, drawn = _done(part, rows, pictures, recordings, save_recordings)
         written: list[str] = []
         if places:
-            left = "" if recordings else "Rows that need recordings of the simulated test machine were left out."
-            document = papers.reproduction_report(outcomes, drawn, left_out=left)
+            left_out = "" if recordings else papers.LEFT_OUT
+            document = papers.reproduction_report(outcomes, drawn, left_out=left_out)
             written = [str(document.write(place)) for place in places]
         for one in drawn if figure else []:
             path = (folder or Path()) / f"figure-{one.of.id}.{format_}"

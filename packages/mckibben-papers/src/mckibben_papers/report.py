@@ -58,6 +58,7 @@ PARTS = {
     "IV": "Part IV. Energy conversion and efficiency",
     "discussion": "Discussion",
 }
+LEFT_OUT = "Rows that need recordings of the simulated test machine were left out."
 PREDICTIONS = "Predictions. No input was inferred from these numbers or from their experiment"
 _SIGNS = {
     "predicted": "✓",

@@ -8,12 +8,11 @@ begins what it lacks. Those of `EXTRAS` are announced by a package of this repos
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError
-from ...registry import announced
+from ...registry import announced, entry_points, loaded
 from .interface import Hardware
 
 if TYPE_CHECKING:
@@ -96,13 +95,13 @@ def _backend(name: str) -> Backend:
         extra, purpose = EXTRAS[name]
         backend: Backend = announced(GROUP, name, "hardware", purpose, extra=extra)
     else:
-        backend = next(e for e in importlib.metadata.entry_points(group=GROUP) if e.name == name).load()
+        backend = loaded(entry_points(GROUP)[name])
     return backend
 
 
 def _split(words: str) -> tuple[str, str]:
     name, colon, place = words.partition(":")
-    others = sorted({e.name for e in importlib.metadata.entry_points(group=GROUP)} - USAGE.keys())
+    others = sorted(entry_points(GROUP).keys() - USAGE.keys())
     well_formed = bool(place) == (name == "serial") if name in USAGE else name in others
     if not well_formed:
         known = ", or ".join([*USAGE.values(), *others])

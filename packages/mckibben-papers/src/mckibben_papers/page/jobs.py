@@ -33,7 +33,7 @@ from mckibben.web.charts import figure_file
 from mckibben.web.workspace import Workspace
 
 from ..figures import FIGURES, PaperFigure, figure
-from ..report import draw, reproduction_report
+from ..report import LEFT_OUT, draw, reproduction_report
 from ..reproduction import PAUSE, Folder, kept_in, told
 from ..rows import RowOutcome, all_rows, needs_recording, reproduce_row
 
@@ -289,7 +289,6 @@ class RecordingCache(Folder):
 
 HEAVY = 25.0  # a row of recordings takes about so many times as long as another
 TOLD_FROM = 0.08  # share of the work from which on the time left is shown
-LEFT_OUT = "Rows that need recordings of the simulated test machine were left out."
 
 
 class PaperPicture(NamedTuple):
