@@ -190,9 +190,24 @@ class Fit(FittedLaw):
 
     @property
     def misses(self) -> bool:
-        """Whether points that were left out are missed by more than tensions scatter about their mean."""
+        """Whether points that were left out were predicted, but missed by more than tensions scatter about their mean."""
         error = self.left_out_rmse
-        return error is not None and error > float(np.std(self.points.tension[self.points.taut]))
+        return error is not None and self._scatter < error < np.inf
+
+    @property
+    def _scatter(self) -> float:
+        """Standard deviation of the tensions of the table about their mean [N]."""
+        return float(np.std(self.points.tension[self.points.taut]))
+
+    @property
+    def doubt(self) -> str:
+        """Why not to trust the law at points that it was not fitted to: it misses them, or is `unchecked`; else empty."""
+        if not self.misses:
+            return self.unchecked
+        return (
+            f"points left out of the fit are missed by {with_unit(self.left_out_rmse, 'N', 3)} rms, more than the "
+            f"{with_unit(self._scatter, 'N', 3)} by which tensions scatter about their mean"
+        )
 
     @property
     def unchecked(self) -> str:
@@ -265,6 +280,8 @@ class Fit(FittedLaw):
             "at_bound": list(self.at_bound),
             "not_contained": list(self.not_contained),
             "determined": self.determined,
+            "misses": self.misses,
+            "unchecked": self.unchecked or None,
             "inseparable": [{"parameters": list(names), "correlation": r} for names, r in self.inseparable],
             "effective": self.effective,
             "length_errors": [e._asdict() for e in self.length_errors],
@@ -625,7 +642,7 @@ def rank(fits: Iterable[Fit]) -> list[Fit]:
         criterion = f.aicc + INDIFFERENT * empty
         # what an exact fit leaves is rounding, whose size says nothing
         score = criterion if error is None else max(error, RESOLUTION * f.points.largest) * (1.0 + ALIKE * empty)
-        return not f.converged, f.misses or bool(f.unchecked), not f.determined, score, len(f.parameters), criterion
+        return not f.converged, bool(f.doubt), not f.determined, score, len(f.parameters), criterion
 
     return sorted(fits, key=key)
 
@@ -791,7 +808,7 @@ def _errors(f: Fit) -> dict[str, SpecimenNumber]:
     left_out = held is not None and not held.failed
     worst = held if held is not None and left_out else f
     said = "predicted with their pressure left out" if left_out else "to which it was fitted"
-    said += f"; not checked: {f.unchecked}" if f.unchecked else ""
+    said += f"; {'not checked: ' if f.unchecked else ''}{f.doubt}" if f.doubt else ""
     numbers = {"rms": (worst.rmse, f"of the points, {said}"), "largest": (worst.max_error, f"of the points, {said}")}
     if "rest_length" in f.cross and not f.cross["rest_length"].failed:
         numbers["other_length"] = (f.cross["rest_length"].max_error, "each rest length left out in turn")
