@@ -421,7 +421,7 @@ def evaluate(
     fits = fit_all(points, laws=laws or tuple(LAWS), known=known_sizes, schemes=(), skipped=skipped)
     if not fits or not fits[0].converged:
         raise StageError("map", "no law could be fitted to its points")
-    fits = [with_shared_errors(fits[0], bounds, gain_error), *fits[1:]]
+    fits = [with_shared_errors(fits[0], bounds, gain_error, friction.middle[taut]), *fits[1:]]
     held_out = _held_out(records["held-out"], zero_pressure, known.zero, fits[0], friction, relaxation)
     errors = np.array([p.predicted - p.measured for p in held_out])
     seat = seat_of(records["seat"], bounds)
@@ -465,13 +465,13 @@ def _cord_errors(fit: Fit, bounds: Bounds) -> np.ndarray:
     return np.asarray(law.braid_tension(longer, pressure) - law.braid_tension(length, pressure))
 
 
-def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float) -> Fit:
+def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float, friction: np.ndarray) -> Fit:
     """A fit whose intervals know of errors that all points share, and that points beside each other err alike.
 
     With J the derivatives of the tension, G = (J'J)^-1 J' and S the covariance of the points' errors, that of the
     parameters is G S G'. S has what the fit leaves, widened for neighbours, and one direction each for the gains of load
-    cell and pressure sensor, the rest length and the stretch of a cord. Residuals alone put all four parameters of a law
-    outside of their intervals in three of three runs.
+    cell and pressure sensor, the rest length and the stretch of a cord, and those of the friction's mean over both branches
+    (n, p) [N]. Residuals alone put all four parameters of a law outside of their intervals in three of three runs.
     """
     problem = Problem(fit.law, tuple(fit.parameters), dict(fit.known), fit.points)
     place = np.array([e.value for e in fit.parameters.values()]) / problem.scale
@@ -482,6 +482,7 @@ def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float) -> Fit:
         gain_error * tension,
         np.asarray(law.braid_tension(points.length, points.pressure * (1.0 + gain_error))) - tension,
         _cord_errors(fit, bounds),
+        *friction.T,
     ]
     if "rest_length" in fit.known:  # as the ruler has it: even over its errors up to the largest
         off = rest * bounds.rest_length_error / math.sqrt(3.0)
