@@ -71,6 +71,9 @@ def test_held_out_points_lie_between_the_pressures_of_the_map():
         ({"rest_length": "3 m"}, "rest_length"),
         ({"plumbing": "none"}, "plumbing"),
         ({"laws": ["nonsense"]}, "nonsense"),
+        ({"known": {"wall": "0.5 mm"}}, r"'known\.wall'. The parameters are .*wall_thickness"),
+        ({"known": {"rest_length": "0.2 m"}}, r"known\.rest_length is stated as rest_length"),
+        ({"known": {"wall_thickness": "5 bar"}}, r"known\.wall_thickness"),
         ({"muscle": None}, "muscle is missing"),
     ],
 )
@@ -350,6 +353,7 @@ def test_a_specimen_file_states_creep_and_leak(tmp_path):
 @pytest.mark.slow
 def test_a_muscle_is_characterised_resumed_and_refused_where_it_fails(tmp_path):
     options = {"muscle": "nylon", "max_pressure": "5 bar", "laws": ["linear_threshold"], "out": tmp_path / "nylon"}
+    options["known"] = {"threshold_width": "0.8 bar"}
 
     stages = []
     with pytest.raises(StageError):
@@ -360,8 +364,10 @@ def test_a_muscle_is_characterised_resumed_and_refused_where_it_fails(tmp_path):
     assert found.passed and found.seconds < 600.0
     true = mk.muscle("nylon")
     lengths = np.linspace(0.115, 0.135, 5)
-    # The cord of the simulated rig stretches by 0.8 mm, which the fit counts as part of the muscle: 4 % of 80 N.
-    assert found.muscle.tension(lengths, 4e5) == pytest.approx(true.tension(lengths, 4e5), abs=0.04 * 80.0)
+    # The cord of the simulated rig, which is known, stretches by 0.8 mm or 4 % of 80 N; gains are known to 0.2 % each.
+    assert found.muscle.tension(lengths, 4e5) == pytest.approx(true.tension(lengths, 4e5), abs=0.006 * 80.0)
+    assert found.evaluation.fits[0].known["threshold_width"] == pytest.approx(8e4, rel=1e-12)
+    assert found.to_dict()["cord"] > 0.0 and not found.to_dict()["assumed"]
     assert float(found.muscle.friction.largest_force(5e5)) == pytest.approx(2.5, rel=0.1)  # relaxation was 3 % of it
     assert mk.muscle(tmp_path / "nylon" / "characterised.toml").tension("12 cm", "4 bar") == pytest.approx(
         found.muscle.tension("12 cm", "4 bar"), rel=1e-9

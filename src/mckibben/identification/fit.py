@@ -202,10 +202,11 @@ class Fit(FittedLaw):
     @property
     def doubt(self) -> str:
         """Why not to trust the law at points that it was not fitted to: it misses them, or is `unchecked`; else empty."""
-        if not self.misses:
+        error = self.left_out_rmse
+        if error is None or not self.misses:
             return self.unchecked
         return (
-            f"points left out of the fit are missed by {with_unit(self.left_out_rmse, 'N', 3)} rms, more than the "
+            f"points left out of the fit are missed by {with_unit(error, 'N', 3)} rms, more than the "
             f"{with_unit(self._scatter, 'N', 3)} by which tensions scatter about their mean"
         )
 
@@ -255,9 +256,8 @@ class Fit(FittedLaw):
         return replace(self, hysteresis=fit_shared_hysteresis(self, recordings, progress=progress))
 
     def __repr__(self) -> str:
-        return (
-            f"Fit({self.law!r}, {len(self.parameters)} parameters, {len(self.points)} points, rmse {self.rmse:.3g} N)"
-        )
+        counts = f"{len(self.parameters)} parameters, {len(self.points)} points"
+        return f"Fit({self.law!r}, {counts}, rmse {self.rmse:.3g} N)"
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Parameters with their intervals, errors [N] and warnings as plain values [SI], for JSON."""
@@ -347,12 +347,8 @@ class Fit(FittedLaw):
         if not self.converged:
             raise ConvergenceError(f"{self.law}: the fit did not converge, so that no interval follows")
         if self.between is None:
-            raise InputError(
-                "between",
-                None,
-                "is not known of this fit: give a table of two or more rest lengths",
-                where=self.points.name,
-            )
+            problem = "is not known of this fit: give a table of two or more rest lengths"
+            raise InputError("between", None, problem, where=self.points.name)
         changes = self._in_si(changes)
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
         return muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
@@ -426,9 +422,8 @@ class Fit(FittedLaw):
             if own is not None and rest is not None and self.points.rest_length is None:
                 # the points know one length only: another muscle is compared at the same contraction
                 there = np.asarray(at[0] * float(np.max(own)) / float(rest))
-            half = ratio * self._law_error.half_width(np.ravel(there), np.ravel(at[1]), slopes, rest).reshape(
-                at[0].shape
-            )
+            half = ratio * self._law_error.half_width(np.ravel(there), np.ravel(at[1]), slopes, rest)
+            half = half.reshape(at[0].shape)
         most = tension()
         return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
 

@@ -197,6 +197,7 @@ class Ranking(Answer):
         ]
         by = "AICc, as nothing was left out" if all(f.left_out_rmse is None for f in self.fits) else "left out, rms"
         counted = f"ranked by {by}; a parameter at its bound, or not in the data, is not counted"
+        below = (counted,) if len(self.fits) > 1 else ()
         at_bound = {n: best.parameters[n]._replace(value=bound_of(best, n)) for n in best.at_bound}
         bounds = dict.fromkeys(at_bound, "at its bound")
         notes = [f"note: {best.law}: {one}" for one in cautions_of(best, self.points.largest, alone=False)]
@@ -205,12 +206,7 @@ class Ranking(Answer):
         if best.effective is not None:
             notes.insert(0, f"{best.effective:.1f} of these are determined by the data rather than their priors")
         found = [
-            Table(
-                f"{heading}; errors are the largest, of that",
-                tuple(columns),
-                ranked,
-                (counted,) if len(self.fits) > 1 else (),
-            ),
+            Table(f"{heading}; errors are the largest, of that", tuple(columns), ranked, below),
             estimates(best.law, best.parameters | at_bound, () if best.length_errors else notes, more=bounds),
         ]
         if best.length_errors:
@@ -239,7 +235,7 @@ class Ranking(Answer):
 
     def remarks(self) -> list[str]:
         """Sizes that laws took from their defaults, laws that were left out, and where the data are from."""
-        said = _assumptions(self.fits)
+        said = assumptions(self.fits)
         short = [name for name, why in self.skipped.items() if f"law {name} needs the rest length" in why]
         said += [f"left out without {{rest_length}}, or a column rest_length: {', '.join(short)}"] if short else []
         said += [f"left out: {name}: {why}" for name, why in self.skipped.items() if name not in short]
@@ -503,9 +499,10 @@ def cautions_of(f: Fit, largest: float, *, alone: bool = True) -> list[str]:
     elsewhere = [] if alone else [str(group) for group in f.inseparable]
     said = [_sentence(one) for one in f.warnings if not one.startswith("did not converge") and one not in elsewhere]
     if not f.converged:
-        said.insert(
-            0, f"The fit did not converge ({f.message}). Its numbers are not to be used, and it is ranked last."
-        )
+        said = [
+            f"The fit did not converge ({f.message}). Its numbers are not to be used, and it is ranked last.",
+            *said,
+        ]
     if f.degenerate:
         rest, verb = len(f.parameters) - len(f.degenerate), "describes" if len(f.degenerate) == 1 else "describe"
         said.append(
@@ -541,7 +538,7 @@ def cautions_of(f: Fit, largest: float, *, alone: bool = True) -> list[str]:
     return said
 
 
-def _assumptions(fits: list[Fit]) -> list[str]:
+def assumptions(fits: list[Fit]) -> list[str]:
     """Sizes that laws took from their defaults, one line each, with how one states them or lets them be fitted."""
     laws: dict[tuple[str, str, str], list[str]] = {}
     for f in fits:
