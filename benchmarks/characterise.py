@@ -11,10 +11,10 @@ that are fitted. Ten of 50 have a fault that nobody told of: a gross leak, a dri
 pressure sensor. The error is that of the fitted static tension at 40 points of span and pressure between those of the map,
 over the largest true tension there. A muscle that passed with a worst error above `WRONG` is wrong without saying so.
 
-`--coverage` characterises each of `MUSCLES` once on each of `RIGS` with quiet sensors. Then as many times as stated their
-noise, zeros and gains, the ruler's error and the cord's are drawn, and the recordings are evaluated as those sensors would
-have shown them: with the muscle's own law, whose fitted parameters have to be in their intervals, and with `OTHERS` but the
-own one, whose tension has to be in its interval.
+`--coverage` characterises each of `MUSCLES` once on each of `RIGS` with quiet sensors and the sizes that no tension tells.
+Then as many times as stated their noise, zeros and gains, the ruler's error and the cord's are drawn, and the recordings are
+evaluated as those sensors would have shown them: with the muscle's own law, whose fitted parameters have to be in their
+intervals, and with `OTHERS` but the own one, whose tension has to be in its interval.
 """
 
 from __future__ import annotations
@@ -278,6 +278,7 @@ ALIKE = {
     "seated_hyperelastic_braid",
     "martens_boblan",
 }  # braids with a rubber wall: none is another
+MEASURED_SIZES = ("wall_thickness", "thread_depth")  # which a caliper tells, and no tension
 QUIET = {"tension": "0.001 N", "pressure": "1 Pa"}
 
 
@@ -296,8 +297,9 @@ def coverage(name: str, rig: str, draws: int, seed: int) -> dict[str, Any]:
     for sensor in QUIET:
         changes |= {f"sensors.{sensor}.noise": QUIET[sensor]}
     own = law_key(type(muscle.law))
+    sizes = {name: float(getattr(muscle.law, name)) for name in MEASURED_SIZES if hasattr(muscle.law, name)}
     try:
-        quiet = mk.characterise(mk.rig(rig, changes), muscle=muscle, laws=[own], seed=seed, step=STEP)
+        quiet = mk.characterise(mk.rig(rig, changes), muscle=muscle, laws=[own], known=sizes, seed=seed, step=STEP)
     except MckibbenError as error:
         return row | {"why": str(error)}
     others = [law for law in OTHERS if law != own and not {law, own} <= ALIKE]
@@ -322,7 +324,7 @@ def coverage(name: str, rig: str, draws: int, seed: int) -> dict[str, Any]:
             for stage in records:
                 known = advance(stage, records[stage], bounds, known)
             for kind, laws in (("parameters", (own,)), ("tension", tuple(others))):
-                found = evaluate(records, bounds, known, laws=laws)
+                found = evaluate(records, bounds, known, laws=laws, sizes=sizes)
                 law, points = found.fits[0], found.points
                 if kind == "parameters":
                     row[kind].append(

@@ -130,7 +130,27 @@ def test_no_unchecked_law_is_saved_without_a_word(fits, tmp_path) -> None:
     )  # nobody asked for a check: the file says it
     assert "not checked: no points were left out" in specimen(str(path)).errors["ideal"]["rms"].note
     Ranking("t", None, ideal.points, [ideal]).save(path)
-    assert "not checked" not in specimen(str(path)).errors["ideal"]["rms"].note
+    note = specimen(str(path)).errors["ideal"]["rms"].note
+    assert "not checked" not in note and "missed" not in note
+
+
+def test_a_law_that_misses_what_was_left_out_says_so_on_every_face_and_is_not_saved_without_a_word(
+    fits, tmp_path
+) -> None:
+    _, ideal = fits
+    path = tmp_path / "saved.toml"
+    spread = float(np.std(ideal.points.tension[ideal.points.taut]))
+    close, far, failed = missing(ideal, 0.95 * spread), missing(ideal, 1.05 * spread), missing(ideal, 1.0, failed=1)
+    assert [one.misses for one in (close, far, failed)] == [False, True, False]  # what failed missed nothing yet
+    assert [bool(one.unchecked) for one in (close, far, failed)] == [False, False, True]
+    study = Ranking("t", None, ideal.points, [far])
+    assert far.to_dict()["misses"] and not far.to_dict()["unchecked"]
+    assert study.rows()[0]["misses"] and study.to_dataframe()["misses"]["ideal"]
+    assert any("missed by" in said for said in cautions_of(far, ideal.points.largest))  # report and screen
+    assert "missed by" in str(study.doubt())  # the command line
+    with pytest.warns(PlausibilityWarning, match="ideal describes the table and predicts nothing beside it"):
+        study.save(path)
+    assert "missed by" in specimen(str(path)).errors["ideal"]["rms"].note
 
 
 def test_parameters_that_the_data_do_not_tell_apart_are_one_row_of_a_table_for_each_law(capsys) -> None:

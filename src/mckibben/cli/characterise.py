@@ -12,11 +12,12 @@ from .. import muscles
 from ..bench import hardware as hardware_package
 from ..bench import rig_file, software
 from ..errors import InputError, StageError
+from ..identification.ranking import assumptions
 from ..quantities import parse, with_unit
 from ..report import study_reports
 from ..studies import characterisation
 from ._progress import INTERRUPTED, progress
-from ._terminal import Json, LockStep, NoiseSeed, Plumbing, RigName, print_json, table
+from ._terminal import Json, LockStep, NoiseSeed, Plumbing, RigName, pairs, print_json, table
 from .run import On
 
 if TYPE_CHECKING:
@@ -64,6 +65,13 @@ def characterise(
             metavar="STIFFNESS",
             help="Stiffness of cord and frame in series, such as '100 N/mm', by which spans are longer than the muscle; "
             "that of a simulated rig by default, of a machine none.",
+        ),
+    ] = None,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Parameter that is not fitted, such as wall_thickness='0.5 mm': a size that no tension tells.",
         ),
     ] = None,
     gain_error: Annotated[
@@ -128,9 +136,8 @@ def characterise(
         if not as_json:
             _tell(intended, False)
         stiffness = _amount(cord, "N/m", "--cord")
-        outcome = _run(
-            intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step, gain=gain, cord=stiffness
-        )
+        options |= {"cord": stiffness, "known": pairs(known, "--known", "wall_thickness='0.5 mm'"), "gain_error": gain}
+        outcome = _run(intended, machine, on, options, muscle, law, out, seed, lock_step=lock_step)
     except InputError as error:
         raise error.changed(field=_option(error.field)) from None
     study_reports.write_characterisation_report(outcome, out / "report.html")
@@ -148,19 +155,9 @@ def _amount(text: str | None, unit: str, option: str) -> float | None:
 
 def _option(field: str) -> str:
     """Name of the option of an argument."""
-    named = (
-        "rest_length",
-        "rest_length_error",
-        "max_pressure",
-        "max_tension",
-        "plumbing",
-        "out",
-        "muscle",
-        "rig",
-        "law",
-        "cord",
-    )
-    return f"--{field.replace('_', '-')}" if field in named else field
+    named = "rest_length rest_length_error max_pressure max_tension plumbing out muscle rig law cord".split()
+    first, _, rest = field.partition(".")
+    return f"--{field.replace('_', '-')}" if field in named else f"--known {rest}" if first == "known" else field
 
 
 def _run(
@@ -174,8 +171,6 @@ def _run(
     seed: int,
     *,
     lock_step: bool,
-    gain: float,
-    cord: float | None,
 ) -> Characterisation:
     """Run the stages with the time left; Ctrl-C vents and keeps the stages so far."""
     button, period = software.interlocks.EmergencyStop(), 1.0 / characterisation.verb.rate_of(rig)
@@ -196,8 +191,6 @@ def _run(
                 rig,
                 muscle=muscle,
                 laws=law or None,
-                gain_error=gain,
-                cord=cord,
                 out=out,
                 hardware=hardware,
                 seed=seed,
@@ -267,11 +260,15 @@ def _print(outcome: Characterisation, out: Path) -> None:
             f"that fill the muscle need; measure it, and state rest_volume under laws.{outcome.law} in the specimen's file",
             err=True,
         )
-    short, long = (with_unit(by, "m", 2) for by in found.clamp)
-    typer.echo(
-        f"Lengths are spans of the rig, which may be {short} to {long} longer than the vented muscle itself, and under "
-        "tension by what cord and clamps stretch, too, which counts as the muscle's."
-    )
+    for one in assumptions([found.fits[0]]):
+        typer.echo(f"mckibben: caution: {one.replace('{known}', '--known')}", err=True)
+    (short, long), cord = (with_unit(by, "m", 2) for by in found.clamp), outcome.bounds.cord
+    beside = f"which may be {short} to {long} longer than the vented muscle itself"
+    if cord is None:
+        beside += ", and under tension by what cord and clamps stretch, too, which counts as the muscle's"
+    else:
+        beside = f"less what cord and frame stretch, {with_unit(float(cord.stiffness), 'N/m', 3)}, {beside}"
+    typer.echo(f"Lengths are spans of the rig, {beside}.")
     typer.echo(f"{outcome.seconds / 60.0:.1f} min of machine time. Written: {out / 'report.html'}")
     if outcome.passed:
         typer.echo(f"Written: {out / outcome.specimen.id}.toml")

@@ -190,9 +190,25 @@ class Fit(FittedLaw):
 
     @property
     def misses(self) -> bool:
-        """Whether points that were left out are missed by more than tensions scatter about their mean."""
+        """Whether points that were left out were predicted, but missed by more than tensions scatter about their mean."""
         error = self.left_out_rmse
-        return error is not None and error > float(np.std(self.points.tension[self.points.taut]))
+        return error is not None and self._scatter < error < np.inf
+
+    @property
+    def _scatter(self) -> float:
+        """Standard deviation of the tensions of the table about their mean [N]."""
+        return float(np.std(self.points.tension[self.points.taut]))
+
+    @property
+    def doubt(self) -> str:
+        """Why not to trust the law at points that it was not fitted to: it misses them, or is `unchecked`; else empty."""
+        error = self.left_out_rmse
+        if error is None or not self.misses:
+            return self.unchecked
+        return (
+            f"points left out of the fit are missed by {with_unit(error, 'N', 3)} rms, more than the "
+            f"{with_unit(self._scatter, 'N', 3)} by which tensions scatter about their mean"
+        )
 
     @property
     def unchecked(self) -> str:
@@ -240,9 +256,8 @@ class Fit(FittedLaw):
         return replace(self, hysteresis=fit_shared_hysteresis(self, recordings, progress=progress))
 
     def __repr__(self) -> str:
-        return (
-            f"Fit({self.law!r}, {len(self.parameters)} parameters, {len(self.points)} points, rmse {self.rmse:.3g} N)"
-        )
+        counts = f"{len(self.parameters)} parameters, {len(self.points)} points"
+        return f"Fit({self.law!r}, {counts}, rmse {self.rmse:.3g} N)"
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Parameters with their intervals, errors [N] and warnings as plain values [SI], for JSON."""
@@ -265,6 +280,8 @@ class Fit(FittedLaw):
             "at_bound": list(self.at_bound),
             "not_contained": list(self.not_contained),
             "determined": self.determined,
+            "misses": self.misses,
+            "unchecked": self.unchecked or None,
             "inseparable": [{"parameters": list(names), "correlation": r} for names, r in self.inseparable],
             "effective": self.effective,
             "length_errors": [e._asdict() for e in self.length_errors],
@@ -330,12 +347,8 @@ class Fit(FittedLaw):
         if not self.converged:
             raise ConvergenceError(f"{self.law}: the fit did not converge, so that no interval follows")
         if self.between is None:
-            raise InputError(
-                "between",
-                None,
-                "is not known of this fit: give a table of two or more rest lengths",
-                where=self.points.name,
-            )
+            problem = "is not known of this fit: give a table of two or more rest lengths"
+            raise InputError("between", None, problem, where=self.points.name)
         changes = self._in_si(changes)
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
         return muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
@@ -409,9 +422,8 @@ class Fit(FittedLaw):
             if own is not None and rest is not None and self.points.rest_length is None:
                 # the points know one length only: another muscle is compared at the same contraction
                 there = np.asarray(at[0] * float(np.max(own)) / float(rest))
-            half = ratio * self._law_error.half_width(np.ravel(there), np.ravel(at[1]), slopes, rest).reshape(
-                at[0].shape
-            )
+            half = ratio * self._law_error.half_width(np.ravel(there), np.ravel(at[1]), slopes, rest)
+            half = half.reshape(at[0].shape)
         most = tension()
         return PredictedTension(most, np.maximum(most - half, 0.0), most + half)
 
@@ -625,7 +637,7 @@ def rank(fits: Iterable[Fit]) -> list[Fit]:
         criterion = f.aicc + INDIFFERENT * empty
         # what an exact fit leaves is rounding, whose size says nothing
         score = criterion if error is None else max(error, RESOLUTION * f.points.largest) * (1.0 + ALIKE * empty)
-        return not f.converged, f.misses or bool(f.unchecked), not f.determined, score, len(f.parameters), criterion
+        return not f.converged, bool(f.doubt), not f.determined, score, len(f.parameters), criterion
 
     return sorted(fits, key=key)
 
@@ -791,7 +803,7 @@ def _errors(f: Fit) -> dict[str, SpecimenNumber]:
     left_out = held is not None and not held.failed
     worst = held if held is not None and left_out else f
     said = "predicted with their pressure left out" if left_out else "to which it was fitted"
-    said += f"; not checked: {f.unchecked}" if f.unchecked else ""
+    said += f"; {'not checked: ' if f.unchecked else ''}{f.doubt}" if f.doubt else ""
     numbers = {"rms": (worst.rmse, f"of the points, {said}"), "largest": (worst.max_error, f"of the points, {said}")}
     if "rest_length" in f.cross and not f.cross["rest_length"].failed:
         numbers["other_length"] = (f.cross["rest_length"].max_error, "each rest length left out in turn")

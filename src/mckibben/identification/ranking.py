@@ -43,7 +43,6 @@ MeasuredTable = ForceMap | str | os.PathLike[str]
 # Open-access tables that ship with the package, by the key of their paper.
 ATTRIBUTIONS = {"martens2017": "M. Martens, I. Boblan, Actuators 2017, 6(4), 33, CC BY 4.0"}
 SCHEMES = {"pressure": "pressure", "length": "length", "block": "block", "rest_length": "muscle"}
-TRUST = "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
 ERRS = 0.2  # of the largest tension: a prediction that errs by more does not extrapolate
 
 
@@ -72,6 +71,7 @@ COLUMNS = {
         Column("distance", "\u0394AICc", "1", places=".1f", missing="-", failed="-"), Column("verdict", ""),
     )
 }  # fmt: skip
+CHECKS = ("converged", "determined", "misses", "unchecked")  # of a fit, beside its numbers
 FIRST = ("law", "free", "rmse", "share")  # columns that a table has whatever was asked for
 LEFT_OUT = ("score", *(f"{key}_share" for key in SCHEMES), "above_share")
 SHOWN = (*FIRST, *LEFT_OUT, "aicc", "verdict")
@@ -153,7 +153,7 @@ class Ranking(Answer):
         return [
             {
                 "table": self.title,
-                **{name: getattr(f, name) for name in ("law", *self.units, "aicc", "converged")},
+                **{name: getattr(f, name) for name in ("law", *self.units, "aicc", *CHECKS)},
                 "parameters": [f"{name} = {with_unit(e.value, e.unit)}" for name, e in f.parameters.items()],
             }
             for f in self.fits
@@ -197,28 +197,16 @@ class Ranking(Answer):
         ]
         by = "AICc, as nothing was left out" if all(f.left_out_rmse is None for f in self.fits) else "left out, rms"
         counted = f"ranked by {by}; a parameter at its bound, or not in the data, is not counted"
+        below = (counted,) if len(self.fits) > 1 else ()
         at_bound = {n: best.parameters[n]._replace(value=bound_of(best, n)) for n in best.at_bound}
         bounds = dict.fromkeys(at_bound, "at its bound")
-        # what was assumed stands in the remarks, for all laws, with how to state it
-        # nor what the table of inseparable parameters says
-        said_below = {_sentence(str(group)) for group in best.inseparable} | {TRUST}
-        said = [
-            one
-            for one in cautions_of(best, self.points.largest)
-            if one not in said_below and not one.startswith("Assumed")
-        ]
-        notes = [f"note: {best.law}: {one}" for one in said]
+        notes = [f"note: {best.law}: {one}" for one in cautions_of(best, self.points.largest, alone=False)]
         # what the verdicts of others say is not said once more
         notes += [f"note: {f.law}: did not converge: {f.message}" for f in self.fits[1:] if not f.converged]
         if best.effective is not None:
             notes.insert(0, f"{best.effective:.1f} of these are determined by the data rather than their priors")
         found = [
-            Table(
-                f"{heading}; errors are the largest, of that",
-                tuple(columns),
-                ranked,
-                (counted,) if len(self.fits) > 1 else (),
-            ),
+            Table(f"{heading}; errors are the largest, of that", tuple(columns), ranked, below),
             estimates(best.law, best.parameters | at_bound, () if best.length_errors else notes, more=bounds),
         ]
         if best.length_errors:
@@ -247,7 +235,7 @@ class Ranking(Answer):
 
     def remarks(self) -> list[str]:
         """Sizes that laws took from their defaults, laws that were left out, and where the data are from."""
-        said = _assumptions(self.fits)
+        said = assumptions(self.fits)
         short = [name for name, why in self.skipped.items() if f"law {name} needs the rest length" in why]
         said += [f"left out without {{rest_length}}, or a column rest_length: {', '.join(short)}"] if short else []
         said += [f"left out: {name}: {why}" for name, why in self.skipped.items() if name not in short]
@@ -266,12 +254,12 @@ class Ranking(Answer):
         return [*dict.fromkeys((*getattr(self.specimen, "sources", ()), *of_laws))]
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per law, best first: number of parameters, errors [N] and criterion.
+        """One row per law, best first: number of parameters, errors [N], criterion and what was checked.
 
         Raises:
             MissingLibraryError: pandas is not installed; it comes with the extra ``data``.
         """
-        names = ("law", *self.units, "aicc", "n", "converged")
+        names = ("law", *self.units, "aicc", "n", *CHECKS)
         rows = [{name: row[name] for name in names} | {"parameters": len(row["parameters"])}
                 for row in map(Fit.to_dict, self.fits)]  # fmt: skip
         frame: pandas.DataFrame = library("pandas", "Data frames need").DataFrame(rows)
@@ -284,8 +272,8 @@ class Ranking(Answer):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the fitted laws as a specimen, a ``.toml`` file that every command takes; returns its path.
 
-        The first law is the one that is used where none is named. The file says of each law that was not checked that it
-        was not, and a `PlausibilityWarning` says so of the first where a check was asked for and failed.
+        The first law is the one that is used where none is named. The file says of each law that was not checked, or that
+        misses what was left out, that it is so, and of the first a `PlausibilityWarning` does where a check was asked for.
 
         Raises:
             ConvergenceError: no fit converged.
@@ -300,15 +288,18 @@ class Ranking(Answer):
         )
         made = replace(made, law=_law_key_beside(path, made.law), laws=laws, errors=errors)
         save_specimen(made, path, heading=heading)
-        warn(collect(self.unchecked_caution()))
+        warn(collect(self.doubt()))
         return path
 
-    def unchecked_caution(self) -> Caution | None:
-        """Caution where even the law that a file takes could not be checked; None where it was, or nobody asked."""
+    def doubt(self) -> Caution | None:
+        """Caution where a check speaks against the law that a file takes, or failed; None where nobody asked for one."""
         first = next((f for f in self.fits if f.converged), None)
-        if first is None or not first.cross or not first.unchecked:
+        if first is None or not first.cross or not first.doubt:
             return None
-        said = f"{self.points.name}: {first.law} could not be checked: {first.unchecked}"
+        said = f"{self.points.name}: {first.law}"
+        if first.misses:
+            return Caution(f"{said} describes the table and predicts nothing beside it: {first.doubt}", "law")
+        said += f" could not be checked: {first.doubt}"
         return Caution(f"{said}, so that nothing says how far it is off where it was not fitted", "law")
 
     def saved_laws(self) -> str:
@@ -497,27 +488,33 @@ def verdict(f: Fit, largest: float) -> list[str]:
     return [*words, "misses what is left out"] if f.misses else words
 
 
-def cautions_of(f: Fit, largest: float) -> list[str]:
+def cautions_of(f: Fit, largest: float, *, alone: bool = True) -> list[str]:
     """Cautions about a fit, in sentences.
 
     Args:
         f: the fit.
         largest: tension of the table, to which shares refer [N].
+        alone: also what tables, remarks and cautions of a `Ranking` say: inseparable parameters, assumed sizes, a doubt.
     """
-    warnings = [warning for warning in f.warnings if not warning.startswith("did not converge")]
-    said = [_sentence(warning) for warning in warnings]
+    elsewhere = [] if alone else [str(group) for group in f.inseparable]
+    said = [_sentence(one) for one in f.warnings if not one.startswith("did not converge") and one not in elsewhere]
     if not f.converged:
-        said.insert(
-            0, f"The fit did not converge ({f.message}). Its numbers are not to be used, and it is ranked last."
-        )
+        said = [
+            f"The fit did not converge ({f.message}). Its numbers are not to be used, and it is ranked last.",
+            *said,
+        ]
     if f.degenerate:
         rest, verb = len(f.parameters) - len(f.degenerate), "describes" if len(f.degenerate) == 1 else "describe"
         said.append(
             f"{_listed(f.degenerate)} {verb} nothing here, so the criterion counts {rest} of {len(f.parameters)} "
             "parameters. A simpler law may say the same."
         )
-    if f.inseparable:
-        said.append(TRUST)
+    if f.inseparable and alone:
+        said.append(
+            "Where two parameters cannot be told apart, trust what the law predicts near the data, not these values."
+        )
+    if f.misses and alone:
+        said.append(_sentence(f.doubt))
     for scheme, cross in f.cross.items():
         if cross.failed:
             said.append(
@@ -531,7 +528,7 @@ def cautions_of(f: Fit, largest: float) -> list[str]:
         said.append(f"{above}, it misses what lies above {how}. Do not use it beyond the pressures measured.")
     across = [n for n, e in f.parameters.items() if math.isfinite(e.high - e.low) and e.low < 0.0 < e.high]
     said += [f"The interval of {_listed(across)} includes zero."] if across else []
-    if f.assumed:
+    if f.assumed and alone:
         fields = declared(law_type(f.law))
         sizes = "; ".join(f"{fields[n].doc} {with_unit(v, fields[n].unit)} ({n})" for n, v in f.assumed.items())
         said.append(
@@ -541,7 +538,7 @@ def cautions_of(f: Fit, largest: float) -> list[str]:
     return said
 
 
-def _assumptions(fits: list[Fit]) -> list[str]:
+def assumptions(fits: list[Fit]) -> list[str]:
     """Sizes that laws took from their defaults, one line each, with how one states them or lets them be fitted."""
     laws: dict[tuple[str, str, str], list[str]] = {}
     for f in fits:

@@ -189,7 +189,7 @@ def fit_tables(
         unusual = muscles.plausible.pressure_caution(float(points.pressure.max()), spec)
         said = (*points.remarks, *(() if unusual is None else (unusual.text,)))
         about = (Caution(f"{points.name}: {one}") for one in said)
-        rankings.append(replace(found, cautions=collect(*about, found.unchecked_caution())))
+        rankings.append(replace(found, cautions=collect(*about, found.doubt())))
     samples: list[Mapping[str, Posterior]] = []
     if posterior:
         sensors = None if rig is None else map_sensors(rig if isinstance(rig, Rig) else rig_file.rig(rig))

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ import numpy as np
 
 from ...analysis.loops import TensionPath
 from ...answers import brief
+from ...documents import JsonValue
 from ...errors import InputError, StageError
 from ...estimation import NORMAL_QUANTILE, Estimate, uncertainty, widening
 from ...identification.fit import Fit, fit_all, fitted_specimen, measured_range
@@ -296,8 +298,7 @@ def leak_of(record: Recording) -> Estimate:
     shut = _part(record, "shut", "leak")
     begin = shut.time[0] + 1.0
     kept = shut.select(start=begin)
-    zero = 0.0
-    pressure, time = kept["pressure"] - zero, kept.time - kept.time[0]
+    pressure, time = kept["pressure"], kept.time - kept.time[0]
     matrix = np.column_stack([np.ones(len(time)), time])
     solution = np.linalg.lstsq(matrix, pressure, rcond=None)[0]
     error = matrix @ solution - pressure
@@ -334,18 +335,9 @@ def _branches(
         read = [[_read(part, name, lengths, rest) for name in ("pressure", "tension")] for part in parts]
         places = [_times(part, lengths) for part in parts]
         taut = 0.5 * (read[0][1] + read[1][1]) - known.zero > TAUT * known.largest
-        rows.append(
-            np.column_stack(
-                [
-                    lengths,
-                    *(
-                        column - zero
-                        for each in read
-                        for column, zero in zip(each, (zero_pressure, known.zero), strict=True)
-                    ),
-                ]
-            )[taut]
-        )
+        zeros = zero_pressure, known.zero
+        columns = [column - zero for each in read for column, zero in zip(each, zeros, strict=True)]
+        rows.append(np.column_stack([lengths, *columns])[taut])
         samples = [np.round((place - record.time[0]) / period).astype(int)[taut] for place in places]
         rising.append(samples[0])
         falling.append(samples[1])
@@ -372,6 +364,7 @@ def evaluate(
     known: Progression,
     *,
     laws: tuple[str, ...] | None = None,
+    sizes: Mapping[str, JsonValue] | None = None,
     gain_error: float = GAIN_ERROR,
     name: str = "muscle",
 ) -> Evaluation:
@@ -382,6 +375,7 @@ def evaluate(
         bounds: of the characterisation.
         known: found by the stages.
         laws: to fit; all by default.
+        sizes: parameters of the laws that are not fitted, by name [SI], beside the rest length.
         gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: of the points.
 
@@ -414,14 +408,13 @@ def evaluate(
     points = ForceMap(name, rows[taut, 0], 0.5 * (rows[taut, 1] + rows[taut, 3]), static[taut])
     points = points.with_rest_length(bounds.rest_length)
     skipped: dict[str, str] = {}
-    known_sizes = {"rest_length": bounds.rest_length, "upper_length": LONGEST * bounds.rest_length}
-    volume = rest_volume(points, bounds)
-    if volume is not None:
-        known_sizes["rest_volume"] = volume
+    rest, volume = bounds.rest_length, rest_volume(points, bounds)
+    known_sizes: dict[str, JsonValue] = {"rest_length": rest, "upper_length": LONGEST * rest}
+    known_sizes |= ({} if volume is None else {"rest_volume": volume}) | dict(sizes or {})
     fits = fit_all(points, laws=laws or tuple(LAWS), known=known_sizes, schemes=(), skipped=skipped)
     if not fits or not fits[0].converged:
         raise StageError("map", "no law could be fitted to its points")
-    fits = [with_shared_errors(fits[0], bounds, gain_error), *fits[1:]]
+    fits = [with_shared_errors(fits[0], bounds, gain_error, friction.middle[taut]), *fits[1:]]
     held_out = _held_out(records["held-out"], zero_pressure, known.zero, fits[0], friction, relaxation)
     errors = np.array([p.predicted - p.measured for p in held_out])
     seat = seat_of(records["seat"], bounds)
@@ -465,13 +458,13 @@ def _cord_errors(fit: Fit, bounds: Bounds) -> np.ndarray:
     return np.asarray(law.braid_tension(longer, pressure) - law.braid_tension(length, pressure))
 
 
-def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float) -> Fit:
+def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float, friction: np.ndarray) -> Fit:
     """A fit whose intervals know of errors that all points share, and that points beside each other err alike.
 
     With J the derivatives of the tension, G = (J'J)^-1 J' and S the covariance of the points' errors, that of the
     parameters is G S G'. S has what the fit leaves, widened for neighbours, and one direction each for the gains of load
-    cell and pressure sensor, the rest length and the stretch of a cord. Residuals alone put all four parameters of a law
-    outside of their intervals in three of three runs.
+    cell and pressure sensor, the rest length and the stretch of a cord, and those of the friction's mean over both branches
+    (n, p) [N]. Residuals alone put all four parameters of a law outside of their intervals in three of three runs.
     """
     problem = Problem(fit.law, tuple(fit.parameters), dict(fit.known), fit.points)
     place = np.array([e.value for e in fit.parameters.values()]) / problem.scale
@@ -482,6 +475,7 @@ def with_shared_errors(fit: Fit, bounds: Bounds, gain_error: float) -> Fit:
         gain_error * tension,
         np.asarray(law.braid_tension(points.length, points.pressure * (1.0 + gain_error))) - tension,
         _cord_errors(fit, bounds),
+        *friction.T,
     ]
     if "rest_length" in fit.known:  # as the ruler has it: even over its errors up to the largest
         off = rest * bounds.rest_length_error / math.sqrt(3.0)

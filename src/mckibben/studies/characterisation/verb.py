@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,11 +27,12 @@ from ...documents import JsonValue, parse_json, read_text, write_text
 from ...engine import STEP
 from ...errors import EmptyRunError, InputError, StageError
 from ...experiments.protocol import Protocol
+from ...identification.ranking import known_in_si
 from ...muscles import Muscle
 from ...muscles.build import build_law, rest_length_of
 from ...muscles.elements import Tendon
 from ...muscles.laws import law_type
-from ...quantities import in_si, with_unit
+from ...quantities import in_si, named_values, with_unit
 from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
@@ -209,6 +210,8 @@ class Characterisation:
             "estimates": {name: e._asdict() for name, e in self.estimates.items()},
             "held_out": [dataclasses.asdict(p) for p in found.held_out],
             "laws": {f.law: f.rmse for f in found.fits},
+            "assumed": found.fits[0].assumed,
+            "cord": None if self.bounds.cord is None else float(self.bounds.cord.stiffness),
             "points": len(found.points),
         }
 
@@ -275,6 +278,7 @@ def characterise(
     max_tension: float | str | None = None,
     rest_length_error: float = LENGTH_ERROR,
     cord: float | str | None = None,
+    known: Mapping[str, float | str] | None = None,
     laws: Sequence[str] | None = None,
     gain_error: float = GAIN_ERROR,
     name: str = "characterised",
@@ -302,6 +306,8 @@ def characterise(
         rest_length_error: largest error of that measurement, a share; a muscle that gets taut elsewhere is refused.
         cord: stiffness of what holds the muscle, cord and frame in series, as text or [N/m]; of a simulated rig by default
             what holds the muscle there. Lengths are then those of the muscle itself; without it they are spans of the rig.
+        known: parameters of laws that are not fitted, by name, such as ``{"wall_thickness": "0.5 mm"}``, as text or [SI]:
+            sizes that no tension tells, which stay at those of a usual muscle otherwise.
         laws: laws that are fitted; all by default.
         gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
         name: id of the specimen.
@@ -330,6 +336,9 @@ def characterise(
     if (muscle is None) == (hardware is None):
         problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
         raise InputError("muscle", None, problem)
+    sizes = known_in_si(named_values(known or {}, "known"), laws)
+    if "rest_length" in sizes:
+        raise InputError("known.rest_length", None, "is stated as rest_length")
     unit = None if muscle is None else rig_unit(muscle)
     if rest_length is None:
         if unit is None:
@@ -346,7 +355,7 @@ def characterise(
     bounds, layout = intended.bounds, _layout(on, plumbing)
     bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
     folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
-    known, records, done = Progression(), {}, []
+    so_far, records, done = Progression(), {}, []
     passed = 0.0
     with _machine(on, layout, unit, bounds, hardware, seed, step) as machine:
         for stage in bounds.stages:
@@ -360,10 +369,10 @@ def characterise(
                     if progress is not None:
                         progress(before + time, intended.total, stage)
 
-                record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
+                record = machine.run(stage, protocol_of(stage, bounds, so_far), tell, stop)
             try:
                 _check(stage, record, on, bounds)
-                known = advance(stage, record, bounds, known)
+                so_far = advance(stage, record, bounds, so_far)
             except StageError as error:
                 if folder is None or resumed or (stop is not None and stop()):
                     raise
@@ -375,9 +384,8 @@ def characterise(
             seconds = float(max(step["end"] for step in record.meta["steps"]))
             done.append(StageRecord(stage, seconds, resumed))
             passed += intended.seconds[stage]
-    found = evaluate(
-        records, bounds, known, laws=None if laws is None else tuple(laws), gain_error=gain_error, name=name
-    )
+    chosen = None if laws is None else tuple(laws)
+    found = evaluate(records, bounds, so_far, laws=chosen, sizes=sizes, gain_error=gain_error, name=name)
     spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
     outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records)
     if folder is not None:

@@ -35,7 +35,7 @@ from ...errors import InputError
 from ...estimation import NORMAL_QUANTILE, Estimate, akaike, descend_in_lanes, widening
 from ...muscles import Muscle
 from ...pneumatics.valves import PressureRegulator
-from ...quantities import declared, with_unit
+from ...quantities import declared, from_si, with_unit
 from ...recordings.files import read_recording
 from ...recordings.recording import Recording
 from ...specimens import Specimen
@@ -349,8 +349,6 @@ class Diagnosis(Answer):
 
 def shown(name: str, value: float) -> str:
     """Format the value of a fault with its usual unit."""
-    from ...quantities import from_si
-
     unit = declared(RigFaults)[name].unit
     if name == CLAMP_GRIP:  # known to a part of its own that is smaller than of other faults
         return with_unit(value, unit, 5)
@@ -545,11 +543,8 @@ def known_faults(observer: Observer, measured: Sequence[str]) -> tuple[str, ...]
     """Faults that the rig can have and the measured channels can show."""
     names = []
     for name in SIZES:
-        if (
-            name.startswith("valve_")
-            and not name.endswith(DRIFT)
-            and not isinstance(observer.plumbing.valve, PressureRegulator)
-        ):
+        of_valve = name.startswith("valve_") and not name.endswith(DRIFT)
+        if of_valve and not isinstance(observer.plumbing.valve, PressureRegulator):
             continue
         if name == CLAMP_GRIP and "tension" not in measured:
             continue
@@ -864,10 +859,8 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
         before = _slipped_before(compare, values, residual, widened)
         intervals[CLAMP_GRIP] = before.interval
         if before.ratio - TELLING > likelihoods[CLAMP_GRIP]:
-            values, likelihoods = (
-                values | {CLAMP_GRIP: before.value},
-                likelihoods | {CLAMP_GRIP: before.ratio - TELLING},
-            )
+            values = values | {CLAMP_GRIP: before.value}
+            likelihoods = likelihoods | {CLAMP_GRIP: before.ratio - TELLING}
             compare.slipped = before.slip
     best = max(names, key=likelihoods.__getitem__)
     explained = _explains(compare, names, best, values[best], widened)

@@ -55,11 +55,8 @@ STARTS = (START_GAS, START_FRICTION, START_PORT, START_SLIP, MOTION)
 # 1964.
 PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 WIDER_PARABOLA = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
-LEAST_NOISE, COUNTS, COUNTS_BESIDE = (
-    0.02,
-    1.0,
-    6,
-)  # of a count: least noise; beyond which, and over how many, it is averaged
+# Of a count: least noise; beyond which, and over how many, it is averaged.
+LEAST_NOISE, COUNTS, COUNTS_BESIDE = 0.02, 1.0, 6
 SUBSAMPLES = 5  # of each sample, at which motion and sensors are evaluated
 MOST_PARTS = 16  # of the usual step, before a run is given up
 
@@ -209,17 +206,8 @@ class Observer(NamedTuple):
         asked, opened = (np.repeat(values, SUBSAMPLES)[: len(times)] for values in (section.valve, section.opened))
         recorded = times - begun, fine, also - fine, asked, opened
         stated = tuple((one.value, one.deviation) for one in self.description)
-        shared = (
-            self.plumbing,
-            self.unit,
-            self.rig.frame,
-            room,
-            *recorded,
-            start,
-            np.float64(self.latency),
-            begun,
-            stated,
-        )
+        parts = self.plumbing, self.unit, self.rig.frame, room
+        shared = (*parts, *recorded, start, np.float64(self.latency), begun, stated)
         part = period / SUBSAMPLES
         steps = max(1, math.ceil(part / STEP - 1e-9))
         for finest in (1, 2, 4, 8, MOST_PARTS):
@@ -368,8 +356,7 @@ def _memory_before(machine: Machine, state: Tree, memory: Tree, port: Scalar, un
         )
         ledgers = ledgers | {"friction": ledgers["friction"]._replace(state=moved.state)}
     ledgers = ledgers | {"clamp": ledgers["clamp"]._replace(state=unknown[START_SLIP])}
-    memory = memory | {"muscles": memory["muscles"] | {MUSCLE: ledgers}}
-    return memory
+    return memory | {"muscles": memory["muscles"] | {MUSCLE: ledgers}}
 
 
 def _smooth(values: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -32,16 +32,8 @@ def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
     rows = study.ranked()
     widest = max((row["rmse"] for row in rows if math.isfinite(row["rmse"])), default=1.0)
     held = next((f.holdout.what for f in study.fits if f.holdout), "")
-    columns = [
-        "",
-        "Law",
-        "Parameters",
-        "RMS error",
-        "Largest error",
-        "RMS, left out",
-        *filter(None, [held]),
-        "\u0394 AICc",
-    ]
+    above = [held] if held else []
+    columns = ["", "Law", "Parameters", "RMS error", "Largest error", "RMS, left out", *above, "\u0394 AICc"]
     with box("div", "scroll-x"), box("table", "rank").set(aria_label="Ranking"):
         with box("thead"), box("tr"):
             for i, column in enumerate(columns):
