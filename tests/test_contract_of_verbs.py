@@ -42,6 +42,13 @@ ASKED = {
     "circuit run": f"{CIRCUITS / 'filling-a-tank.toml'} --set run.duration=0.2s",
     "circuit frequency": f"{CIRCUITS / 'muscle-behind-a-tube.toml'} --input regulator.pressure --output muscle.pressure_abs",
     "circuit fit": "no.toml no.nc",
+    "calibrate zero": "--rig modern --simulate --channels valve_pressure",
+    "calibrate weights": "--rig modern --simulate --samples 100 --masses 0kg,5kg",
+    "calibrate pressure": "--rig modern --simulate --samples 100 --pressures 0bar,3bar",
+    "calibrate encoder": "--rig paper --simulate --travels 0mm,50mm",
+    "calibrate skew": "--rig modern --simulate --samples 1000",
+    "calibrate show": "no.toml",
+    "calibrate apply": "no.nc --off --out no.csv",
     "joint": "--command flexor=0.1 --duration 0.02s",
     "sweep": f"{CIRCUITS.parent / 'sweeps' / 'tube-and-threshold.toml'} --out sweep --dry-run",
     "tension": "nylon --length 11:12:0.5cm --pressure 5bar",
@@ -107,6 +114,7 @@ def test_every_verb_has_a_command_and_is_asked_here():
 @pytest.mark.parametrize("name", COMMANDS)
 def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("mckibben.recordings.provenance.created", lambda: "2026-03-31T12:00:00+00:00")
     times = [0.01 * i for i in range(600)]
     lines = [f"{t},{100.0 + math.sin(t * t)},{30.0 + 5.0 * math.sin(t * t - 0.1)}" for t in times]
     (tmp_path / "pull.csv").write_text("\n".join(["time [s],length,force", *lines]), encoding="utf-8")

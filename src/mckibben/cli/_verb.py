@@ -372,10 +372,7 @@ def _spelled(p: inspect.Parameter) -> str:
 def _typed(verb: verbs.Description) -> Iterator[verbs.Parameter]:
     """What a person types of a verb; what has no kind of value is for Python alone."""
     for one in verb.parameters.values():
-        if one.parts:
-            yield from one.parts
-        elif one.type.word or one.flag:
-            yield one
+        yield from (part for part in one.parts or (one,) if part.type.word or part.flag)
 
 
 def _each_once(*values: Any) -> list[Any]:

@@ -178,8 +178,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Calibrate the encoder with known travels, such as those of gauge blocks.",
     ),
     "calibrate skew": ("hardware", "Calibrate the lag of channels behind the first one, from a common signal."),
-    "calibrate show": ("calibration:show", "Show a calibration: values, 95 % intervals, origin and age."),
-    "calibrate apply": ("calibration:apply", "Apply a calibration to a recording in place of the one it carries."),
+    "calibrate show": ("verb_commands:calibrate_show", "Show a calibration: values, 95 % intervals, origin and age."),
+    "calibrate apply": (
+        "verb_commands:calibrate_apply",
+        "Apply a calibration to a recording in place of the one it carries.",
+    ),
     "study": ("", "Run the studies of tubes, a robot, loops and all laws."),
     "study tube": (
         "verb_commands:study_tube",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, PlausibilityWarning
-from . import _progress
+from . import _outputs, _progress
 from ._outputs import FIGURE, OBJECT, RECORDING, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds, write_recording
 from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 
@@ -561,6 +561,20 @@ record_repeatability = VerbCommand(
     ("record repeatability loop.nc --skip 1 --out cycles.svg",),
     options=TIMES,
     draw=_draw_courses,
+)
+
+
+# ---- calibrations
+
+calibrate_show = VerbCommand(
+    "recordings.calibration_file:describe_calibration", OutputKinds(result=OBJECT), ("calibrate show calibration.toml",)
+)
+calibrate_apply = VerbCommand(
+    "recordings.calibration_file:apply_calibration",
+    OutputKinds(recording=_outputs.KEPT_RECORDING),
+    ("calibrate apply raw.nc --calibration calibration.toml --out true.nc",),
+    required=("out",),
+    writes={"recording": _write_recording},
 )
 
 

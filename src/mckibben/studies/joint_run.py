@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from ..verbs import (
     verb,
 )
 
+SHOWN = ("joint.angle", "joint.velocity", "joint.moment", "flexor.pressure", "extensor.pressure")
 REPORTED = 1000  # steps between two reports of the progress
 
 
@@ -47,14 +48,6 @@ class JointRecording(Answer):
     controlled: bool
     cautions: tuple[Caution, ...] = ()
 
-    shown: ClassVar[tuple[str, ...]] = (
-        "joint.angle",
-        "joint.velocity",
-        "joint.moment",
-        "flexor.pressure",
-        "extensor.pressure",
-    )
-
     def to_dict(self) -> dict[str, JsonValue]:
         """Channels in numbers [SI], how long the run was [s], and shares that its balances leave open."""
         return {
@@ -67,12 +60,11 @@ class JointRecording(Answer):
     def tables(self) -> list[Table]:
         """Joint and pressures at the start, between, and at the end."""
         rows: list[dict[str, Any]] = []
-        for name in self.shown:
+        for name in SHOWN:
             values = self.recording[name]
             numbers = {"start": values[0], "least": values.min(), "largest": values.max(), "end": values[-1]}
-            rows.append(
-                {"channel": name, "unit": self.recording.unit(name)} | {k: float(v) for k, v in numbers.items()}
-            )
+            shown = {k: float(v) for k, v in numbers.items()}
+            rows.append({"channel": name, "unit": self.recording.unit(name)} | shown)
         columns = (Column(key, own="unit") for key in ("start", "least", "largest", "end"))
         return [Table(str(self.recording.meta["title"]), (Column("channel"), *columns), rows)]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -394,8 +394,7 @@ def _numbers(group: Mapping[str, SpecimenNumber], units: Mapping[str, str]) -> I
         if isinstance(value, list):
             continue
         low, high = (None, None) if one.range is None else (_in_unit(one, end, units[name]) for end in one.range)
-        note = one.note
-        yield PartNumber(name, value, units[name], low, high, one.source, one.inferred, note)
+        yield PartNumber(name, value, units[name], low, high, one.source, one.inferred, one.note)
 
 
 def _in_unit(one: SpecimenNumber, end: float, unit: str) -> float:
@@ -406,8 +405,7 @@ def _in_unit(one: SpecimenNumber, end: float, unit: str) -> float:
 
 def _valve(spec: Specimen) -> ListedPart:
     units = {name: q.unit for name, q in keys_of_element(spec.element).items()} if spec.element else {}
-    numbers = [*_numbers(spec.valve, units)]
-    numbers += _numbers(spec.properties, KNOWN_PROPERTIES)
+    numbers = [*_numbers(spec.valve, units), *_numbers(spec.properties, KNOWN_PROPERTIES)]
     if spec.element and not any(n.name == "nominal_flow" for n in numbers):
         # of a file that leaves something out, which is said when the valve is used
         with contextlib.suppress(InputError):
@@ -421,19 +419,10 @@ def _valves() -> list[ListedPart]:
     return [_valve(spec) for spec in specimens() if spec.kind == "valve"]
 
 
-def _published(kind: str, name: str) -> list[ListedPart]:
-    return [
-        _made(
-            kind,
-            p.id,
-            p.title,
-            p.form or f"law of {p.law}" * bool(p.law),
-            tuple(_numbers(p.stated, published.KINDS[name])),
-            p.sources,
-            p.note,
-        )
-        for p in published.parts(name)
-    ]
+def _published(kind: str, name: str) -> Iterator[ListedPart]:
+    for p in published.parts(name):
+        form = p.form or (f"law of {p.law}" if p.law else "")
+        yield _made(kind, p.id, p.title, form, tuple(_numbers(p.stated, published.KINDS[name])), p.sources, p.note)
 
 
 def _laws() -> list[ListedPart]:
@@ -455,8 +444,8 @@ def _muscles() -> list[ListedPart]:
 
 _OF_KIND: dict[str, Callable[[], list[ListedPart]]] = {
     "valves": _valves,
-    "tubes": lambda: _published("tubes", "tube"),
-    "sources": lambda: _published("sources", "gas_source"),
+    "tubes": lambda: [*_published("tubes", "tube")],
+    "sources": lambda: [*_published("sources", "gas_source")],
     "laws": _laws,
     "muscles": _muscles,
 }

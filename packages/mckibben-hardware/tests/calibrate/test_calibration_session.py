@@ -1,11 +1,14 @@
 """Sessions: what a person is asked for, which points are refused, and readings from a machine at the hardware border."""
 
+import re
+
 import numpy as np
 import pytest
 
 from mckibben.bench.hardware.interface import Hardware
 from mckibben.bench.rig_file import rig
 from mckibben.errors import InputError, LineLostError
+from mckibben_hardware.calibrate import verbs
 from mckibben_hardware.calibrate.estimate import Reference
 from mckibben_hardware.calibrate.session import (
     CalibrationSession,
@@ -198,3 +201,25 @@ def test_channels_that_a_machine_does_not_have_are_named():
     machine.names = ("pressure",)
     with pytest.raises(InputError, match="Unknown channels 'valve_pressure, tension'. The machine has pressure"):
         HardwareReadings(machine, MODERN.converters(0.2))
+
+
+@pytest.mark.parametrize(
+    ("session", "said"),
+    [
+        ({}, "rig is missing: paper, modern, or a .toml file"),
+        ({"rigg": "modern"}, "Unknown session 'rigg'. Did you mean 'rig'?"),
+        ({"rig": "modern"}, "machine is missing: give machine MACHINE or simulate=True"),
+        ({"rig": "modern", "machine": "serial:/dev/none"}, "ask is missing: a function that has an operator set each"),
+        ({"rig": MODERN, "changes": {"rig.sensors.tension.offset": "3 N"}}, "changes are allowed only of a rig"),
+    ],
+)
+def test_what_is_wrong_with_a_session_is_said_to_python_in_its_words(session, said):
+    with pytest.raises(InputError, match=f"^{re.escape(said)}"):
+        verbs.calibrate_weights(session=session, masses="0 kg, 5 kg")
+
+
+def test_a_session_takes_the_rig_itself_and_answers_as_for_its_name():
+    named, itself = (
+        verbs.calibrate_weights(session={"rig": one, "simulate": True}, masses=[0.0, 5.0]) for one in ("modern", MODERN)
+    )
+    assert named.to_dict()["points"] == itself.to_dict()["points"]
