@@ -20,6 +20,7 @@ from ..assembly import sentence as sentences
 from ..bench import circuit_run
 from ..documents import JsonValue
 from ..errors import InputError
+from ..formats.store import is_recording_csv
 from ..pneumatics import volume
 from ..quantities import parse, with_unit
 from ..recordings import Recording
@@ -500,14 +501,11 @@ def _trial(
     plan: CircuitPlan, source: Any, reading: Mapping[str, Any]
 ) -> tuple[identification.Trial, tuple[Caution, ...]]:
     """A record as a trial of a circuit, and what is to be said of it."""
-    said: list[Caution] = []
     if isinstance(source, Recording):
-        record = source
-    elif _states_units(source):
-        record = recordings.read_recording(source)
+        record, said = source, []
     else:
         record = recordings.read_record(source, ambient=float(plan.environment.pressure_abs), **reading)
-        said = [Caution(f"{source}: {one}") for one in record.meta.get("source", {}).get("left_out", [])]
+        said = [Caution(f"{source}: {one.text}", one.parameter) for one in record.cautions if one.parameter == "source"]
     name = str(record.meta.get("title", "recording")) if isinstance(source, Recording) else str(source)
     trial = identification.trial.trial_from_record(plan, record, name=name)
     return trial, collect(*said, *trial.cautions)
@@ -518,13 +516,7 @@ def _states_units(source: Any) -> bool:
     if isinstance(source, Recording):
         return True
     path = Path(source)
-    if path.suffix != ".csv":
-        return path.suffix == ".nc"
-    try:
-        with path.open(encoding="utf-8") as stream:
-            return stream.readline().startswith("# mckibben")
-    except (OSError, UnicodeDecodeError):
-        return False
+    return path.suffix == ".nc" or (path.is_file() and is_recording_csv(path))
 
 
 def _starts(plan: CircuitPlan, wanted: Sequence[str], start: Mapping[str, float | str]) -> dict[str, float]:

@@ -13,7 +13,7 @@ from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import parse, with_unit
-from ..recordings import Recording, read_record, read_recording
+from ..recordings import Recording, read_record
 from ..recordings.memory import STEPPED, check_memory
 from ..simulation import Air, Joint, Simulation
 from ..verbs import (
@@ -133,12 +133,12 @@ def record_joint(
         )
         system = Joint(flexor, flexor if extensor is None else extensor, arm=arm, inertia=inertia)
         simulation = Simulation(system, Air(supply=supply, valve=valve), period=period)
-        courses, seconds, said = ({}, 1.0, None) if play is None else _table(play, simulation.commands)
+        courses, seconds, said = ({}, 1.0, []) if play is None else _table(play, simulation.commands)
         courses |= _courses(simulation, commands or {})
         seconds = seconds if duration is None else float(duration)
         _play(simulation, courses, seconds, start_pressure, progress)
         recording = simulation.recording()
-        own = collect(said, *simulation.cautions)
+        own = collect(*said, *simulation.cautions)
     known = {one.text for one in own}
     found = (Caution(text) for text in recording.meta.get("warnings", ()) if text not in known)
     return JointRecording(recording, angle is not None, collect(*own, *found))
@@ -190,12 +190,9 @@ def _play(
         simulation.step(**{name: values[k] for name, values in rows.items()})
 
 
-def _table(source: Any, known: tuple[str, ...]) -> tuple[dict[str, _HeldValues], float, Caution | None]:
+def _table(source: Any, known: tuple[str, ...]) -> tuple[dict[str, _HeldValues], float, list[Caution]]:
     """Commands over time from the columns of a table or a recording, how long it is [s], and what is not used."""
-    if isinstance(source, Recording):
-        record = source
-    else:
-        record = read_recording(source) if Path(source).suffix.lower() == ".nc" else read_record(source)
+    record = source if isinstance(source, Recording) else read_record(source)
     courses = {}
     for name in known:
         column = next((c for c in (name, f"{name}.command") if c in record), None)
@@ -204,11 +201,11 @@ def _table(source: Any, known: tuple[str, ...]) -> tuple[dict[str, _HeldValues],
     if not courses:
         has = ", ".join(record.names())
         raise InputError("play", str(source), f"must have a column named {' or '.join(known)}; it has {has}")
-    said = None
+    said = [one for one in record.cautions if one.parameter == "source"]
     if "fingerprint" not in record.meta:  # of a table; a recording has more than its commands
         unused = [name for name in record.names() if name not in known and name not in (f"{n}.command" for n in known)]
         words = f"{Path(source).name} has columns that are no command, and are not used: {', '.join(unused)}"
-        said = Caution(words) if unused else None
+        said += [Caution(words)] if unused else []
     return courses, float(record.time[-1] - record.time[0]), said
 
 
