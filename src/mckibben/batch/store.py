@@ -122,8 +122,13 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
             if need > free:
                 said = f"the results need {need / 1e6:.3g} MB, the disk has {free / 1e6:.3g} MB"
                 raise InputError("out", str(place), said)
+            # Made in memory: zarr writes to a folder from several threads, which go on after one of them has failed.
+            made: dict[str, Any] = {}
+            _create(zarr.open_group(zarr.storage.MemoryStore(made), mode="w"), sweep, block)
             with _full(None, place):
-                _create(zarr.open_group(draft, mode="w"), sweep, block)
+                for key, content in made.items():
+                    (draft / key).parent.mkdir(parents=True, exist_ok=True)
+                    (draft / key).write_bytes(content.to_bytes())
                 draft.rename(path)
         except BaseException:
             shutil.rmtree(place if new else draft, ignore_errors=True)

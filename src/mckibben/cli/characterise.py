@@ -12,7 +12,6 @@ from .. import muscles
 from ..bench import hardware as hardware_package
 from ..bench import rig_file, software
 from ..errors import InputError, StageError
-from ..identification.ranking import assumptions
 from ..quantities import parse, with_unit
 from ..report import study_reports
 from ..studies import characterisation
@@ -254,14 +253,8 @@ def _print(outcome: Characterisation, out: Path) -> None:
         typer.echo(
             f"One loop, measured again at the end, has changed by {100.0 * change.value:+.2f} +- {half:.2f} %{hidden}."
         )
-    if not outcome.knows_volume:
-        typer.echo(
-            "mckibben: caution: these tensions are those of no ideal braid, so that the volume is not known, which commands "
-            f"that fill the muscle need; measure it, and state rest_volume under laws.{outcome.law} in the specimen's file",
-            err=True,
-        )
-    for one in assumptions([found.fits[0]]):
-        typer.echo(f"mckibben: caution: {one.replace('{known}', '--known')}", err=True)
+    for said in outcome.cautions:
+        typer.echo(f"mckibben: caution: {said.replace('{known}', '--known')}", err=True)
     (short, long), cord = (with_unit(by, "m", 2) for by in found.clamp), outcome.bounds.cord
     beside = f"which may be {short} to {long} longer than the vented muscle itself"
     if cord is None:

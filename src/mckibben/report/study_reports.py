@@ -133,18 +133,13 @@ def _result(found: Characterisation) -> list[Block]:
         for name, e in found.estimates.items()
     )
     columns = headed("Parameter", *numeric("Value", "95 %: from", "to"))
-    said = [*evaluation.fits[0].warnings, *(f"friction: {warning}" for warning in evaluation.friction.warnings)]
-    if not found.knows_volume:
-        said.append(
-            "these tensions are those of no ideal braid, so that the volume is not known, which commands that fill the "
-            f"muscle need; measure it and state rest_volume under laws.{found.law} in the specimen's file"
-        )
+    said = tuple(one.replace("{known}", "known") for one in found.cautions)
     return [
         Paragraph(words, "lead"),
         *([NoteBox("Not to be used", (found.failure,), "stop")] if found.failure else []),
         KeyValues(tuple(facts)),
         ReportTable(columns, rows, "Parameters with 95 % intervals"),
-        *([NoteBox("Caution", tuple(dict.fromkeys(said)))] if said else []),
+        *([NoteBox("Caution", said)] if said else []),
     ]
 
 

@@ -149,21 +149,24 @@ class ContinuedMachine:
         down = min(rest, at.get("command.pressure", 0.0))
         for pressure, place in ((down, None), (down, span), (rest, span)):
             self._reach(pressure, place if motor else None)
-        session.wait(SETTLE)
+        self._go_on(SETTLE)
 
     def _reach(self, pressure: float, span: float | None) -> None:
         session, goals = self.session, {"pressure": pressure, **({} if span is None else {"span": span})}
         session.ask_for(**goals)
         arrival = Arrival(session, **goals)
         while not arrival.stuck:
-            session.wait(LOOK)
-            if session.why:
-                raise InputError("run", self.prepared.protocol.name, f"on the way to its beginning: {session.why}")
+            self._go_on(LOOK)
             if arrival.arrived():
                 return
         name = next(iter(arrival.apart), "pressure")
         goal, measured = (with_unit(value, CHANNELS[name]) for value in (goals[name], session.latest()[name]))
         raise InputError(name, measured, f"the protocol begins at {goal}, which was not reached")
+
+    def _go_on(self, seconds: float) -> None:
+        self.session.wait(seconds)
+        if self.session.why:
+            raise InputError("run", self.prepared.protocol.name, f"on the way to its beginning: {self.session.why}")
 
     def _count_at(self, span: float) -> int:
         converters = self.session.setup.converters

@@ -27,7 +27,7 @@ from ...documents import JsonValue, parse_json, read_text, write_text
 from ...engine import STEP
 from ...errors import EmptyRunError, InputError, StageError
 from ...experiments.protocol import Protocol
-from ...identification.ranking import known_in_si
+from ...identification.ranking import assumptions, known_in_si
 from ...muscles import Muscle
 from ...muscles.build import build_law, rest_length_of
 from ...muscles.elements import Tendon
@@ -124,6 +124,18 @@ class Characterisation:
         return bool(self.evaluation.fits[0].build().has_volume())
 
     @property
+    def cautions(self) -> list[str]:
+        """What must be known before the specimen is used; ``{known}`` stands for how the caller names that argument."""
+        found = self.evaluation
+        said = [*found.fits[0].warnings, *(f"friction: {warning}" for warning in found.friction.warnings)]
+        if not self.knows_volume:
+            said.append(
+                "these tensions are those of no ideal braid, so that the volume is not known, which commands that fill the "
+                f"muscle need; measure it, and state rest_volume under laws.{self.law} in the specimen's file"
+            )
+        return list(dict.fromkeys((*said, *assumptions([found.fits[0]]))))
+
+    @property
     def tells_gain(self) -> bool:
         """Whether the loop that was measured again tells a gain that drifts: not where what relaxes hides it."""
         change = self.evaluation.gain_change
@@ -211,6 +223,7 @@ class Characterisation:
             "held_out": [dataclasses.asdict(p) for p in found.held_out],
             "laws": {f.law: f.rmse for f in found.fits},
             "assumed": found.fits[0].assumed,
+            "cautions": [said.replace("{known}", "known") for said in self.cautions],
             "cord": None if self.bounds.cord is None else float(self.bounds.cord.stiffness),
             "points": len(found.points),
         }
