@@ -83,6 +83,7 @@ QUANTITIES = {
         ParameterType("MASS", "kg", (1e-4, 1e3)),
         ParameterType("ENERGY", "J", (1e-2, 1e9)),
         ParameterType("FLOW", "m^3/s", (1e-8, 0.2)),
+        ParameterType("AIRVOLUME", "m^3", (1e-8, 0.1)),
         ParameterType("MASSES", "kg", (1e-3, 2e3), listed=True),
         ParameterType("FREQUENCIES", "1/s", (1e-4, 1e5), listed=True),
     )
@@ -94,6 +95,7 @@ Contraction = Annotated[float | str, QUANTITIES["CONTRACTION"]]
 Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
 Mass = Annotated[float | str, QUANTITIES["MASS"]]
 Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
+AirVolume = Annotated[float | str, QUANTITIES["AIRVOLUME"]]
 Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
 SmallLength = Annotated[float | str, QUANTITIES["SIZE"]]
 # What one asks of a muscle is within narrower bounds than what a rig or a recording may have.

@@ -543,6 +543,18 @@ record_frequency = VerbCommand(
     options=TIMES | {"source": "input", "target": "output"},
     draw=_draw_response,
 )
+ROLES = {name: f"{name}_channel" for name in ("length", "tension", "pressure", "command")}  # of channels
+
+
+def _question(name: str, *examples: str) -> VerbCommand:
+    return VerbCommand(f"analysis.questions:{name}", ANSWERED, examples, options=TIMES | ROLES)
+
+
+record_loops = _question("loops", "record loops loop.nc --skip 1", "record loops pulls.csv --tension-channel cell")
+record_work = _question("work", "record work loop.nc --out work.csv")
+record_stiffness = _question("stiffness", "record stiffness loop.nc")
+record_steps = _question("steps", "record steps steps.nc --command-channel valve.command")
+record_leak = _question("leak", "record leak shut.csv --gas-volume '200 ml' --from '40 s'")
 record_contraction = VerbCommand(
     "analysis.lever_answers:contraction",
     ANSWERED,
