@@ -127,6 +127,7 @@ Frequency = Annotated[float | str, QUANTITIES["FREQUENCY"]]
 Frequencies = Annotated[Sequence[float | str] | str, QUANTITIES["FREQUENCIES"]]
 Lengths = Annotated[Sequence[float | str] | str, QUANTITIES["LENGTHS"]]
 Pressures = Annotated[Sequence[float | str] | str, QUANTITIES["PRESSURES"]]
+FilePressures = Annotated[Sequence[float | str] | str, QUANTITIES["PRESSURES"]._replace(word="PRESSURE")]
 Masses = Annotated[Sequence[float | str] | str, QUANTITIES["MASSES"]]
 Acceleration = Annotated[float | str, QUANTITIES["ACCELERATION"]]
 Share = Annotated[float | str, QUANTITIES["SHARE"]]
@@ -182,7 +183,7 @@ READING = ("columns", "units", "scales", "period", "decimal", "header", "sheet",
 FILE = PLACES["describe_file"]
 Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, READING))]
 PATH_READING = ("columns", "units", "pressure_zero")
-MAP_READING = (*PATH_READING, "branch", "decimal", "header", "sheet", "topic", "gear_ratio")
+MAP_READING = (*PATH_READING, "pressure", "length_zero", "branch", "decimal", "header", "sheet", "topic", "gear_ratio")
 PathReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, PATH_READING))]
 MapReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, MAP_READING))]
 
