@@ -55,6 +55,7 @@ DOCUMENTS = (
     "report.fit_report:write_fit_report",
     "report.study_reports:muscle_comparison",
     "report.study_reports:write_characterisation_report",
+    "report.study_reports:write_data_sheet",
 )
 QUESTIONS = (  # to a recording
     "analysis.description:describe_file",

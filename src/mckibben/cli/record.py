@@ -232,7 +232,10 @@ _READ = "File to read: a recording, a log or a file of another program, of any f
 def convert_file(
     source: Annotated[Path, typer.Argument(metavar="FILE", help=_READ)],
     target: Annotated[
-        Path, typer.Argument(metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms or .parquet).")
+        Path,
+        typer.Argument(
+            metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms, .parquet, or .zip for an RO-Crate)."
+        ),
     ],
     column: Column = None,
     unit: Unit = None,

@@ -56,10 +56,16 @@ def _save_shown(answer: MuscleDescription, path: Path) -> None:
 show = VerbCommand(
     "studies.description:describe_muscle",
     OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN),
-    ("show nylon --out nylon.svg",),
+    ("show nylon --out nylon.svg", "show nylon --data-sheet nylon.html"),
     draw=_draw_law,
     writes={"specimen": _save_shown},
-)
+    written={
+        "data-sheet": Written(
+            REPORT, "Write a data sheet on one page, in the terms of makers' sheets, into this .html or .pdf file.",
+            lambda answer, path: answer.data_sheet(path),
+        )
+    },
+)  # fmt: skip
 
 
 def _save_braid(answer: BraidDescription, path: Path) -> None:
@@ -185,7 +191,7 @@ size = VerbCommand(
     writes={"specimen": _save_sized},
     written={
         "circuit": Written(
-            ".toml", "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
+            (".toml",), "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
         )
     },
     top=5,

@@ -14,6 +14,7 @@
 | ``.tdms`` | of mckibben and of other programs | all | npTDMS |
 | ``.parquet`` | of mckibben and of other programs | all | polars |
 | ``.ddf`` | of Aurora Scientific's DMC, the muscle lever | | |
+| ``.zip`` | RO-Crates of mckibben | all, as data repositories take it | |
 
 Further formats come from other packages: see `mckibben.formats.registry`. What the columns of a table mean is decided in
 `mckibben.formats.columns`.
