@@ -23,8 +23,8 @@ if TYPE_CHECKING:  # types of what a lower room offers, which its annotations ta
     from .analysis.loops import TensionLoop as TensionLoop
     from .analysis.questions import HeldPressure as HeldPressure
     from .analysis.questions import RecordingNumbers as RecordingNumbers
-    from .analysis.questions import StepTiming as StepTiming
     from .analysis.repeatability import CourseRepeatability as CourseRepeatability
+    from .analysis.steps import StepResponse as StepResponse
     from .report.figures.plots import ComparisonPlots as ComparisonPlots
     from .report.figures.plots import CyclePlots as CyclePlots
     from .report.figures.plots import EnergyPlots as EnergyPlots

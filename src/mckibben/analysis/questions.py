@@ -29,7 +29,7 @@ from .channels import choose_channel, cycle_conditions, known, parted_by
 from .lever_answers import cautions_of_contraction, cautions_of_cycles
 from .loops import TensionLoop, loops_by_held, path_stiffness, path_work
 from .segments import segments, steps_of
-from .steps import find_steps, pressure_decay, step_responses
+from .steps import ONSET, REACHED, StepResponse, find_steps, pressure_decay, step_responses
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -409,18 +409,6 @@ def stiffness(
 # ---- steps
 
 
-class StepTiming(NamedTuple):
-    """How a channel follows a step, or a muscle its stimulus; NaN what there is not."""
-
-    channel: str
-    time: float  # of the command [s]
-    before: float  # level [unit of the channel]
-    after: float  # level, or the peak of a contraction [unit of the channel]
-    delay: float  # until 2 % of the step is passed [s]
-    transition: float  # from there to 90 % [s]
-    settling_time: float  # until it stays within 5 % of the step; NaN where it does not [s]
-
-
 _COMMANDS = ("valve.command", "command.pressure", "stimulus", "excitation")  # that are looked at first
 
 
@@ -433,7 +421,7 @@ def steps(
     start: verbs.Time | None = None,
     end: verbs.Time | None = None,
     read: verbs.Reading | None = None,
-) -> RecordingNumbers[StepTiming]:
+) -> RecordingNumbers[StepResponse]:
     """Time how pressure and tension follow each step of a command, or a muscle its stimulus: delay, rise and settling.
 
     The delay ends where 2 % of the step is passed for good, the rise where 90 % is reached; a channel has settled when it
@@ -455,29 +443,32 @@ def steps(
     driver = _driver(first) if command is None else command
     first.unit(driver)
     followers = [channel] if channel is not None else _followers(first, driver)
-    pulsed = driver.rpartition(".")[2] in ("stimulus", "excitation")
     rows: list[dict[str, Any]] = []
-    found: list[StepTiming] = []
-    said_of_pulses = cautions_of_contraction(lever.stated_protocol(first)) if pulsed else ()
+    found: list[StepResponse] = []
+    said_of_pulses = cautions_of_contraction(lever.stated_protocol(first)) if _pulsed(driver) else ()
     cautions, failure = [*asked.cautions, *said_of_pulses], None
     for name in followers:
         unit = first.unit(name)
         try:
-            results, said = asked.each(functools.partial(_timings, driver=driver, name=name, pulsed=pulsed))
+            results, said = asked.each(functools.partial(_timings, driver=driver, name=name))
         except InputError as error:
             failure = failure or error
             cautions.append(Caution(f"{name} is left out: {error}", "channel"))
             continue
         cautions += said
         for number, _, each in results:
-            for count, (one, settled) in enumerate(each, 1):
-                way = "rise" if one.after > one.before else "fall"
-                row = {"run": number, "group": f"{name}, {way}", "step": count, "unit": unit, "settled": settled}
-                rows.append(_plain(row | one._asdict()))
-                found.append(one)
+            for count, one in enumerate(each, 1):
+                row = {
+                    "run": number,
+                    "group": f"{name}, {'rise' if one.rising else 'fall'}",
+                    "step": count,
+                    "unit": unit,
+                }
+                rows.append(_plain(row | {"channel": name} | one._asdict()))
+        found += [one for *_, each in results for one in each]
     if not rows:
         raise failure or InputError("channel", None, "must name a channel that follows")
-    slow = dict.fromkeys(row["group"] for row in rows if row["settled"] is False)
+    slow = dict.fromkeys(row["group"] for row in rows if not row["settled"])
     if slow:
         under_way = (
             f"{'; '.join(slow)}: not settled before the next step or the end; its numbers are of a step under way"
@@ -485,7 +476,7 @@ def steps(
         cautions.append(Caution(under_way, "channel"))
     times = tuple(Column(n, t, "s", "ms", missing="-") for n, t in _TIMES.items())
     columns = (
-        Column("step", right=True), Column("time", "at", "s", places=".4g"), Column("before", own="unit"),
+        Column("step", right=True), Column("command_time", "at", "s", places=".4g"), Column("before", own="unit"),
         Column("after", own="unit"), *times,
     )  # fmt: skip
     guessed = (*(("command",) if command is None else ()), *(("channel",) if channel is None else ()))
@@ -498,23 +489,18 @@ def steps(
 _TIMES = {"delay": "delay", "transition": "rise or fall", "settling_time": "settling"}
 
 
+def _pulsed(name: str) -> bool:
+    return name.rpartition(".")[2] in ("stimulus", "excitation")
+
+
 def _driver(record: Recording) -> str:
     """The channel that steps: a command, the stimulus, else the pressure."""
     commands = [n for n, c in record.channels.items() if c.kind == "command" and n not in _COMMANDS]
-    others = [n for n in ("muscle.pressure", "pressure") if n in record]
-    for name in (*(n for n in _COMMANDS if n in record), *commands, *others):
-        values = record[name]
-        if not np.isfinite(values).all():
+    for name in (*_COMMANDS, *commands, "muscle.pressure", "pressure"):
+        if name not in record or not np.isfinite(record[name]).all() or not np.ptp(record[name]) > 0.0:
             continue
-        if name.rpartition(".")[2] in ("stimulus", "excitation"):
-            if np.ptp(values) > 0.0:
-                return name
-            continue
-        try:
-            find_steps(record, name)
-        except InputError:
-            continue
-        return name
+        with contextlib.suppress(InputError):
+            return name if _pulsed(name) or find_steps(record, name) else ""
     problem = f"must name the channel that steps; none of {', '.join(record.names())} does between two samples"
     raise InputError("command", None, problem)
 
@@ -522,29 +508,22 @@ def _driver(record: Recording) -> str:
 def _followers(record: Recording, driver: str) -> list[str]:
     names = []
     for role in ("pressure", "tension"):
-        try:
-            name = choose_channel(record, role)
-        except InputError:
-            continue
-        names += [name] if name != driver else []
-    if not names:
+        with contextlib.suppress(InputError):
+            names.append(choose_channel(record, role))
+    if not (names := [name for name in names if name != driver]):
         raise InputError("channel", None, f"must name the channel that follows; the recording has {record.names()}")
     return names
 
 
-def _timings(run: Recording, driver: str, name: str, pulsed: bool) -> list[tuple[StepTiming, bool | None]]:
-    if pulsed:
-        of = lever.contraction_timing(run, rising=(0.02, 0.9), relaxing=(), force=name, stimulus=driver)
-        begins, reaches = (point.time for point in of.rising)
-        since = begins - of.stimulus_time
-        one = StepTiming(
-            name, of.stimulus_time, of.stimulus_force, of.peak_force, since, reaches - begins, float("nan")
-        )
-        return [(one, None)]
-    return [
-        (StepTiming(name, r.command_time, r.before, r.after, r.delay, r.transition, r.settling_time), r.settled)
-        for r in step_responses(run, command=driver, channel=name)
-    ]
+def _timings(run: Recording, driver: str, name: str) -> tuple[StepResponse, ...]:
+    """What follows each step; of a stimulus one, which ends at the peak."""
+    if not _pulsed(driver):
+        return step_responses(run, command=driver, channel=name)
+    of = lever.contraction_timing(run, rising=(ONSET, REACHED), relaxing=(), force=name, stimulus=driver)
+    begins, reaches = (point.time for point in of.rising)
+    since, end = begins - of.stimulus_time, float(run.time[-1])
+    levels = (of.stimulus_force, of.peak_force, ONSET)
+    return (StepResponse(of.stimulus_time, begins, since, reaches - begins, *levels, end, float("nan"), True),)
 
 
 # ---- leak

@@ -109,8 +109,8 @@ def _graph(recording: Samples, files: Mapping[str, bytes]) -> list[dict[str, Any
         "hasPart": held, "variableMeasured": channels, "mentions": [*things.values(), {"@id": "#run"}], "citation": papers,
     }  # fmt: skip
     add("Dataset", "./", **root)
-    about = {"conformsTo": {"@id": PROFILE}, "about": {"@id": "./"}}
-    return [{"@id": "ro-crate-metadata.json", "@type": "CreativeWork"} | about, *parts]
+    described = {"@type": "CreativeWork", "conformsTo": {"@id": PROFILE}, "about": {"@id": "./"}}
+    return [{"@id": "ro-crate-metadata.json"} | described, *parts]
 
 
 def read_crate(path: Path) -> StoredRecording | ForeignTable:

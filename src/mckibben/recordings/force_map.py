@@ -350,7 +350,7 @@ def at_pressure(
         ((pressure, place),) = said_at.items()
         said.append(f"taken at {with_unit(pressure, 'Pa')}, as its {place} says")
     if zero is None:
-        tails = [line[at.end() :] for line in head if (at := _LENGTH_ZERO.search(line))]
+        tails = [line[begin.end() :] for line in head if (begin := _LENGTH_ZERO.search(line))]
         lengths = {value for tail in tails for value, _ in amounts(tail, "m")[:1]}
         if len(lengths) == 1:
             (zero,) = lengths

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         LeverLoop,
         RecordingNumbers,
         RecordingPlots,
-        StepTiming,
+        StepResponse,
         StimulatedContraction,
         StimulatedLoop,
         TensionLoop,
@@ -350,9 +350,6 @@ class Recording:
 
         Args:
             **options: ``length``, ``tension``, ``skip``, ``start`` and ``end`` of `analysis.questions.work`.
-
-        Raises:
-            InputError: as `loops`, except that no cycle is needed.
         """
         each: RecordingNumbers[float] = implementation("work")(self, **options)
         return each
@@ -362,23 +359,17 @@ class Recording:
 
         Args:
             **options: ``length``, ``tension``, ``skip``, ``start`` and ``end`` of `analysis.questions.stiffness`.
-
-        Raises:
-            InputError: as `loops`, except that no cycle is needed.
         """
         each: RecordingNumbers[float] = implementation("stiffness")(self, **options)
         return each
 
-    def steps(self, **options: object) -> RecordingNumbers[StepTiming]:
+    def steps(self, **options: object) -> RecordingNumbers[StepResponse]:
         """Delay, rise and settling of pressure and tension after every step of a command, or of a stimulus [s].
 
         Args:
             **options: ``command``, ``channel``, ``start`` and ``end`` of `analysis.questions.steps`.
-
-        Raises:
-            InputError: a channel is missing or not finite, nothing steps, or nothing follows.
         """
-        each: RecordingNumbers[StepTiming] = implementation("steps")(self, **options)
+        each: RecordingNumbers[StepResponse] = implementation("steps")(self, **options)
         return each
 
     def leak(self, **options: object) -> RecordingNumbers[HeldPressure]:
@@ -386,9 +377,6 @@ class Recording:
 
         Args:
             **options: ``pressure``, ``gas_volume``, ``start`` and ``end`` of `analysis.questions.leak`.
-
-        Raises:
-            InputError: the pressure is missing, not clear or not finite, or nothing is held.
         """
         each: RecordingNumbers[HeldPressure] = implementation("leak")(self, **options)
         return each
@@ -399,9 +387,6 @@ class Recording:
         Args:
             **options: ``source``, ``target``, ``resolution``, ``sines``, ``start`` and ``end`` of
                 `analysis.frequency.channel_response`.
-
-        Raises:
-            InputError: a channel is missing, not clear or constant, or the frequencies cannot be told apart.
         """
         response: ChannelResponse = implementation("channel_response")(self, **options)
         return response
@@ -411,9 +396,6 @@ class Recording:
 
         Args:
             **options: ``channel``, ``drive``, ``skip``, ``start`` and ``end`` of `analysis.repeatability.repeatability`.
-
-        Raises:
-            InputError: a channel is missing or not clear, or there are fewer than two full cycles.
         """
         courses: CourseRepeatability = implementation("repeatability")(self, **options)
         return courses

@@ -494,7 +494,7 @@ def data_sheet(found: MuscleDescription) -> Document:
     drawn = law_curves(law, title=spec.title, pressures=[float(p) for p in pressures])
     alt = "Tension over length at each pressure, length without load over pressure, and volume where it is known."
     cautions = tuple(one.text for one in found.cautions)
-    blocks = (
+    blocks: tuple[Block, ...] = (
         KeyValues(pairs),
         ReportTable(heads, tuple(rows), "Force at rest in N, over contraction and pressure; 0 where the muscle is slack"),
         Figure(drawn, "", alt),
