@@ -130,6 +130,14 @@ def test_the_leak_is_that_of_the_hold_in_air_of_the_reference_atmosphere():
     assert hold.conductance == pytest.approx(float(leak.conductance), rel=1e-12)
 
 
+def test_an_absolute_pressure_leaks_as_its_gauge_pressure_does():
+    time = np.linspace(0.0, 60.0, 601)
+    gauge = 5e5 - 200.0 * time
+    absolute = mk.Recording(time, {"tank.pressure_abs": mk.Channel(gauge + 101325.0, "Pa", "measured")}).leak()
+    same = mk.Recording(time, {"tank.pressure": mk.Channel(gauge, "Pa", "measured")}).leak()
+    assert absolute[0] == pytest.approx(same[0], nan_ok=True, rel=1e-9) and "absolute" in absolute.remarks()[-1]
+
+
 def test_a_hold_that_leaks_quicker_at_first_is_told():
     time = np.linspace(0.0, 60.0, 601)
     warm = mk.Channel(5e5 - 100.0 * time + 2e4 * np.exp(-time / 10.0), "Pa", "measured")

@@ -74,6 +74,7 @@ def choose_channel(record: Recording, role: str, name: str | None = None) -> str
     usable = [
         n for n, c in record.channels.items() if c.unit == unit and c.kind != "command" and np.isfinite(c.values).any()
     ]
+    usable = [n for n in usable if not n.endswith("_abs")] or usable  # a gauge pressure before an absolute one
     alike = [n for n in usable if quantity_of(n.rpartition(".")[2]) == role]
     for candidates in ([n for n in names if n in usable][:1], alike, usable):
         if len(candidates) == 1:

@@ -19,6 +19,7 @@ from .. import verbs
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
+from ..formats.columns import AMBIENT
 from ..pneumatics.orifice import Leak, flow_of_decay
 from ..quantities import with_unit
 from ..recordings import Recording, read_any
@@ -183,8 +184,9 @@ def _asked(
         cut = by_step and bool(record.meta.get("steps"))
         if by_step and not {"pressure", "muscle.pressure"} & {*record.channels}:  # loops are told apart by it
             with contextlib.suppress(InputError):
-                channels["pressure"] = choose_channel(record, "pressure")
-                runs = [run.with_channels({"pressure": run.channels[channels["pressure"]]}) for run in runs]
+                if not (beside := choose_channel(record, "pressure")).endswith("_abs"):
+                    channels["pressure"] = beside
+                    runs = [run.with_channels({"pressure": run.channels[beside]}) for run in runs]
         parts = tuple((at, part) for at, run in enumerate(runs, 1) for part in (segments(run) if cut else [run]))
     guessed = tuple(role for role, name in roles.items() if name is None)
     about = (*MACHINE, "source", *channels.values())
@@ -606,6 +608,8 @@ def leak(
         told = "Air at 20 °C, 1 bar and 65 % humidity; the conductance is that of a leak in a circuit."
     else:
         told = "{gas_volume} says how much air that is."
+    if name.endswith("_abs"):
+        told = f"{name} is absolute; its gauge pressure is less {with_unit(AMBIENT, 'Pa', 6)}. {told}"
     if not stated:
         told = f"The hold was found by the pressure or by its step; {{start}} and {{end}} state another. {told}"
     return RecordingNumbers(
@@ -644,7 +648,7 @@ def _leaked(part: Recording, name: str, volume: float | None) -> tuple[HeldPress
     kept = part.select(start=part.time[0] + min(WARM, 0.1 * part.duration))
     if len(kept) < 10:
         raise InputError(f"channel {name}", None, f"must have 10 samples or more while it is held, got {len(kept)}")
-    p = known(kept, name)
+    p = known(kept, name) - (AMBIENT if name.endswith("_abs") else 0.0)
     mean = float(np.mean(p))
     if not mean > 0.0:
         raise InputError(
