@@ -57,6 +57,16 @@ def test_stated_pressures_and_zeros_follow_the_names_by_number(pulls):
         mk.read(pulls, pressure="1 bar, 2 bar, 3 bar", length_zero=0.12)
 
 
+def test_a_muscle_that_is_slack_at_one_pressure_is_one_of_the_series(pulls):
+    rows = ["length [mm],force [N]", *(f"{120 + i},{0.001 * i}" for i in range(5))]
+    (pulls / "a 1 bar.csv").write_text("\n".join(rows) + "\n")
+    pull(pulls / "b 3 bar.csv", head=["Einspannlänge;120;mm"])
+    assert sorted(set(mk.read(pulls).pressure)) == [1e5, 3e5]
+    (pulls / "b 3 bar.csv").unlink()
+    with pytest.raises(InputError, match="must reach"):
+        mk.read(pulls)
+
+
 def test_a_stated_pressure_beside_a_column_of_it_is_refused(tmp_path):
     (tmp_path / "map.csv").write_text("length [mm],pressure [bar],force [N]\n120,3,20\n130,3,35\n")
     with pytest.raises(InputError, match="without a column"):

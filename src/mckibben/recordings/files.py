@@ -208,9 +208,9 @@ def understand(
         "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,
     }  # fmt: skip
     several = series_files(path) if kind != "recording" else []
-    for option, value in {"pressure": pressure, "length_zero": length_zero}.items():
-        if value is not None and kind == "recording":
-            raise InputError(option, None, "is for a force map, and this is read as a recording", where=str(path))
+    if kind == "recording" and (pressure is not None or length_zero is not None):
+        option = "length_zero" if pressure is None else "pressure"
+        raise InputError(option, None, "is for a force map, and this is read as a recording", where=str(path))
     if several or pressure is not None or length_zero is not None:
         points, table = map_and_table(path, of_map, pressure, length_zero, options)
         first = format_of(path)

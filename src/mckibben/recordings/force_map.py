@@ -270,9 +270,12 @@ def map_and_table(
         table = table_of(file, **options)
         if several or stated is not None or zero is not None:
             table, zero = at_pressure(file, table, of_map["columns"] or {}, stated, zero)
-        maps.append(map_of_table(file, table, length_zero=zero, **of_map))
+        maps.append(map_of_table(file, table, length_zero=zero, alone=not several, **of_map))
         tables.append(table)
-    return ForceMap.joined(maps, path.name) if several else maps[0], tables[0]
+    whole = ForceMap.joined(maps, path.name) if several else maps[0]
+    for quantity in LEAST_LARGEST if several else ():
+        _check_largest(quantity, getattr(whole, quantity), quantity, str(path))
+    return whole, tables[0]
 
 
 def series_files(path: Path) -> list[Path]:
@@ -377,8 +380,9 @@ def map_of_table(
     pressure_zero: float = 0.0,
     ambient: float = AMBIENT,
     length_zero: float | None = None,
+    alone: bool = True,
 ) -> ForceMap:
-    """Make a force map of a table; see `read_force_map`."""
+    """Make a force map of a table; see `read_force_map`. It is `alone` if it is not one of several that make a map."""
     where = str(path)
     header = _checked_header(table, where)
     units_by_name = {ALIASES.get(name, name): unit for name, unit in (units or {}).items()}
@@ -440,6 +444,8 @@ def map_of_table(
     for quantity in ("length", "rest_length", "diameter", "pressure", "tension"):
         if quantity in data:
             _check_plausible(quantity, data[quantity], chosen.get(quantity, quantity), where)
+            if alone:
+                _check_largest(quantity, data[quantity], chosen.get(quantity, quantity), where)
     if "length" in chosen and "rest_length" in data:
         _check_near_rest(data["length"], data["rest_length"], chosen["length"], where)
     points = ForceMap(name=path.name, remarks=(*table.remarks, *remarks), **data)
@@ -622,6 +628,11 @@ def _check_plausible(what: str, values: np.ndarray, column: str, where: str, *, 
             words = [f"{100.0 * v:g} %" for v in (low, high, worst)]
             hint = "wrong unit, rest length or column?"
         raise InputError(column, words[2], f"must be between {words[0]} and {words[1]}; {hint}", where=where)
+
+
+def _check_largest(what: str, values: np.ndarray, column: str, where: str) -> None:
+    """Refuse a map that no muscle reaches; a file of several may hold a slack one."""
+    unit = UNITS[what]
     if what in LEAST_LARGEST and values.max() < LEAST_LARGEST[what]:
         problem = f"must reach {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?"
         raise InputError(column, with_unit(float(values.max()), unit), problem, where=where)
