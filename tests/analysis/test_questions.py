@@ -60,7 +60,9 @@ def test_runs_have_the_median_and_range_of_what_each_says_by_itself():
     frictions = (1.0, 2.0, 4.0)
     record = runs_of(*map(strokes, frictions))
     answer = record.loops()
-    assert answer.runs == 3 and len({row["time"] for row in answer.each}) == len(answer) // 3  # each on its own clock
+    assert (
+        answer.runs == 3 and len({row["time"] for row in answer.numbers}) == len(answer) // 3
+    )  # each on its own clock
     (line,) = answer.summary()
     # 1e-9: a path that is a straight line is read exactly
     assert [line[n] for n in ("friction", "friction_low", "friction_high")] == pytest.approx([2.0, 1.0, 4.0], abs=1e-9)
@@ -76,7 +78,7 @@ def test_a_run_without_a_cycle_is_left_out_with_a_word():
     still = strokes().with_channels({"span": mk.Channel(np.full(len(TIME), 0.13), "m", "measured")})
     with pytest.warns(UserWarning, match="run 2 is left out"):
         answer = runs_of(strokes(), still).loops()
-    assert {row["run"] for row in answer.each} == {1}
+    assert {row["run"] for row in answer.numbers} == {1}
 
 
 def test_loops_at_other_pressures_are_told_apart_whichever_run_they_are_of():

@@ -2,14 +2,14 @@
 
 A question names the channels that it needs, or finds them by name and unit and says which it took. Of a file with several
 runs each is asked by itself, on its own clock; each number then has its median and range over the runs, of one run those
-over its loops or steps. What is computed stands in `loops`, `lever` and `steps`; here it is asked and told.
+over its loops or steps. What is computed stands in `loops`, `lever` and `steps`; here it is asked and answered.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -43,50 +43,50 @@ UNEVEN = 0.2  # share by which the halves of a hold may leak unequally before it
 
 @dataclass(frozen=True)
 class RecordingNumbers(Answer, Generic[T]):
-    """Numbers of a recording, one row for each loop, step or hold; a sequence of what was `found`.
+    """Numbers of a recording, one row for each loop, step or hold; a sequence of its `items`.
 
     Attributes:
         file: path of the recording; None where it was no file.
-        question: title of the table.
+        heading: title of the table.
         channels: name of the channel that each role was taken from.
         guessed: roles whose channel was chosen by name or unit.
-        found: loops, steps or holds, in order.
-        each: their numbers by name [SI], with ``run`` and ``group``: what was held, or which way it went.
+        items: loops, steps or holds, in order.
+        numbers: those of each by name [SI], with ``run`` and ``group``: what was held, or which way it went.
         columns: of the numbers, as a person reads them.
         summarised: names of the numbers that have a median and a range.
-        told: sentences about how it was computed.
+        notes: sentences about how it was computed.
         cautions: about the recording, and about what was left out.
     """
 
     file: str | None
-    question: str
+    heading: str
     channels: Mapping[str, str]
     guessed: tuple[str, ...]
-    found: tuple[T, ...]
-    each: tuple[Mapping[str, Any], ...]
+    items: tuple[T, ...]
+    numbers: tuple[Mapping[str, Any], ...]
     columns: tuple[Column, ...]
     summarised: tuple[str, ...]
-    told: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     cautions: tuple[Caution, ...] = field(default=())
 
     def __len__(self) -> int:
-        return len(self.found)
+        return len(self.items)
 
     def __iter__(self) -> Iterator[T]:
-        return iter(self.found)
+        return iter(self.items)
 
     def __getitem__(self, place: int) -> T:
-        return self.found[place]
+        return self.items[place]
 
     @property
     def runs(self) -> int:
         """Number of runs of which there are numbers."""
-        return len({row["run"] for row in self.each})
+        return len({row["run"] for row in self.numbers})
 
     def summary(self) -> list[dict[str, Any]]:
         """Median, smallest and largest of each number [SI] over runs, of which each counts by its median, else over rows."""
         groups: dict[str, list[Mapping[str, Any]]] = {}
-        for row in self.each:
+        for row in self.numbers:
             groups.setdefault(row["group"], []).append(row)
         lines = []
         for group, rows in groups.items():
@@ -105,7 +105,7 @@ class RecordingNumbers(Answer, Generic[T]):
 
     def rows(self) -> list[Mapping[str, JsonValue]]:
         """One row for each loop, step or hold."""
-        return list(self.each)
+        return list(self.numbers)
 
     def column_units(self) -> Mapping[str, str]:
         """SI units of the numbers; what has one of its own in each row states it there."""
@@ -114,13 +114,13 @@ class RecordingNumbers(Answer, Generic[T]):
     def to_dict(self) -> dict[str, JsonValue]:
         """Channels, rows, and the median and range of each number [SI]."""
         about = {"file": self.file, "channels": dict(self.channels), "guessed": list(self.guessed)}
-        return {**about, "runs": self.runs, "rows": [dict(row) for row in self.each], "summary": self.summary()}
+        return {**about, "runs": self.runs, "rows": [dict(row) for row in self.numbers], "summary": self.summary()}
 
     def tables(self) -> list[Table]:
         """One line for each loop, step or hold, and their medians with ranges."""
-        named = (Column("group", ""),) if any(row["group"] for row in self.each) else ()
+        named = (Column("group", ""),) if any(row["group"] for row in self.numbers) else ()
         run = (Column("run", right=True),) if self.runs > 1 else ()
-        whole = Table(self.question, (*run, *named, *self.columns), self.each)
+        whole = Table(self.heading, (*run, *named, *self.columns), self.numbers)
         if all(line["count"] < 2 for line in self.summary()):
             return [whole]
         counts = (Column("runs", right=True),) if self.runs > 1 else ()
@@ -136,15 +136,15 @@ class RecordingNumbers(Answer, Generic[T]):
         """Which channels were taken, and how the numbers were computed."""
         taken = [f"{role.replace('_', ' ')} is {self.channels[role]}" for role in self.guessed]
         if not taken:
-            return list(self.told)
+            return list(self.notes)
         options = " and ".join(f"{{{role}}}" for role in self.guessed)
         taken += [f"{role} is {name}" for role, name in self.channels.items() if role == "pressure" not in self.guessed]
         words = ", ".join(taken)
         verb = "names another" if len(self.guessed) == 1 else "name others"
-        return [f"{words[:1].upper()}{words[1:]}, chosen by name and unit; {options} {verb}.", *self.told]
+        return [f"{words[:1].upper()}{words[1:]}, chosen by name and unit; {options} {verb}.", *self.notes]
 
 
-class _Asked(NamedTuple):
+class _Question(NamedTuple):
     """A recording that is asked: number of the run of each part, and the channels of each role."""
 
     file: str | None
@@ -172,10 +172,21 @@ class _Asked(NamedTuple):
         lost = [number for number in failures if number not in {run for run, *_ in results}]
         return results, tuple(Caution(f"run {number} is left out: {failures[number]}", "runs") for number in lost)
 
+    def answer(
+        self, heading: str, items: Sequence[T], rows: Sequence[Mapping[str, Any]], columns: Sequence[Column],
+        summarised: Sequence[str], notes: Sequence[str], cautions: Sequence[Caution],
+    ) -> RecordingNumbers[T]:  # fmt: skip
+        """The answer with these numbers."""
+        about = (self.file, heading, self.channels, self.guessed)
+        said = tuple(note for note in notes if note)
+        return RecordingNumbers(
+            *about, tuple(items), tuple(rows), tuple(columns), tuple(summarised), said, collect(*cautions)
+        )
 
-def _asked(
+
+def _question(
     recording: Any, read: Any, start: Any, end: Any, roles: Mapping[str, str | None], by_step: bool = False
-) -> _Asked:
+) -> _Question:
     """A recording with its runs between the times that count, or the recorded steps of each where it has steps."""
     record = read_any(recording, **(read or {})).recording
     with naming_file(recording):
@@ -190,7 +201,7 @@ def _asked(
         parts = tuple((at, part) for at, run in enumerate(runs, 1) for part in (segments(run) if cut else [run]))
     guessed = tuple(role for role, name in roles.items() if name is None)
     about = (*MACHINE, "source", *channels.values())
-    return _Asked(
+    return _Question(
         path_of(recording), parts, channels, guessed, collect(*(c for c in record.cautions if c.parameter in about))
     )
 
@@ -208,19 +219,19 @@ _HELD = {"pressure": "Pa", "tension": "N", "frequency": "Hz", "stroke": "m"}
 
 class _Loops(NamedTuple):
     rows: list[dict[str, Any]]
-    found: list[TensionLoop]
+    loops: list[TensionLoop]
     cautions: tuple[Caution, ...]
-    told: str
+    note: str
 
 
-def _loops_of(asked: _Asked, skip: int) -> _Loops:
+def _loops_of(question: _Question, skip: int) -> _Loops:
     """All loops of all runs, parted by what was held in them whichever run or step they are of."""
-    names = {"length": asked.channels["length"], "tension": asked.channels["tension"]}
-    results, said = asked.each(lambda part: loops_by_held(part, **names, skip=skip))
+    names = {"length": question.channels["length"], "tension": question.channels["tension"]}
+    results, said = question.each(lambda part: loops_by_held(part, **names, skip=skip))
     rows: list[dict[str, Any]] = []
-    found: list[TensionLoop] = []
+    items: list[TensionLoop] = []
     conditions: list[dict[str, tuple[np.ndarray, float]]] = []
-    cautions = [*asked.cautions, *said]
+    cautions = [*question.cautions, *said]
     for number, part, (groups, own) in results:
         cautions += own
         each = sorted(
@@ -233,37 +244,39 @@ def _loops_of(asked: _Asked, skip: int) -> _Loops:
             more = {"work": one.work, "power": one.work / lasted, "friction": one.friction}
             place = {"run": number, "group": "", "cycle": count, "time": begin, "duration": lasted}
             rows.append(_plain(place | one._asdict() | more))
-            found.append(one)
+            items.append(one)
     shared = [name for name in conditions[0] if all(name in one for one in conditions)]
     every = {n: (np.concatenate([c[n][0] for c in conditions]), max(c[n][1] for c in conditions)) for n in shared}
     for chosen, held in parted_by(every):
         for at in chosen:
             rows[at]["group"] = ", ".join(with_unit(value, _HELD[name]) for name, value in held.items())
-    return _Loops(rows, found, collect(*cautions), "")
+    return _Loops(rows, items, collect(*cautions), "")
 
 
-def _loops_or_whole(asked: _Asked, skip: int, name: str, measure: Callable[[np.ndarray, np.ndarray], float]) -> _Loops:
+def _loops_or_whole(
+    question: _Question, skip: int, name: str, measure: Callable[[np.ndarray, np.ndarray], float]
+) -> _Loops:
     """All loops, or where there are none a number of each whole run, measured along its length and tension."""
-    along, pull = asked.channels["length"], asked.channels["tension"]
-    for _, part in asked.parts:
-        if not np.ptp(known(part, along)) > 0.0 and len(asked.parts) == 1:
+    along, pull = question.channels["length"], question.channels["tension"]
+    for _, part in question.parts:
+        if not np.ptp(known(part, along)) > 0.0 and len(question.parts) == 1:
             raise InputError(f"channel {along}", None, "is constant, so the muscle neither works nor shows a stiffness")
         known(part, pull)
     try:
-        return _loops_of(asked, skip)
+        return _loops_of(question, skip)
     except InputError:
         if skip:
             raise
     rows = []
-    for number, part in asked.parts:
+    for number, part in question.parts:
         at = {"run": number, "group": "", "cycle": 1, "time": float(part.time[0]), "duration": part.duration}
         ends = {"length_low": float(part[along].min()), "length_high": float(part[along].max()), "pressure": None}
         rows.append(_plain(at | ends | {name: measure(part[along], part[pull])}))
-    return _Loops(rows, [], asked.cautions, f"{along} has no full cycle: the {name} is that of all samples.")
+    return _Loops(rows, [], question.cautions, f"{along} has no full cycle: the {name} is that of all samples.")
 
 
-def _over(asked: _Asked) -> str:
-    return f"of {asked.channels['tension']} over {asked.channels['length']}"
+def _over(question: _Question) -> str:
+    return f"of {question.channels['tension']} over {question.channels['length']}"
 
 
 @verbs.verb
@@ -302,13 +315,12 @@ def loops(
         >>> [round(one.friction, 2) for one in mk.Recording(time, {"span": span, "cell": pull}).loops()]
         [2.0]
     """
-    asked = _asked(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
-    rows, found, cautions, _ = _loops_of(asked, skip)
+    question = _question(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
+    rows, items, cautions, _ = _loops_of(question, skip)
     units = {"work": "J", "friction": "N", "height": "N", "width": "m", "stiffness": "N/m"}
-    return RecordingNumbers(
-        asked.file, f"Loops {_over(asked)}", asked.channels, asked.guessed, tuple(found), tuple(rows),
-        (*_AT, _PRESSURE, *(Column(n, None, unit, missing="-") for n, unit in units.items())), tuple(units), (), cautions,
-    )  # fmt: skip
+    numbers = [Column(name, None, unit, missing="-") for name, unit in units.items()]
+    columns = (*_AT, _PRESSURE, *numbers)
+    return question.answer(f"Loops {_over(question)}", items, rows, columns, [*units], (), cautions)
 
 
 @verbs.verb
@@ -339,32 +351,30 @@ def work(
     Raises:
         InputError: a channel is missing, not clear or not finite, or fewer cycles are there than are left out.
     """
-    asked = _asked(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
-    stated = lever.stated_protocol(asked.parts[0][1])
+    question = _question(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
+    stated = lever.stated_protocol(question.parts[0][1])
     if stated is not None and stated.cycle_frequency and start is None and end is None:
-        names: dict[str, Any] = {"length": asked.channels["length"], "force": asked.channels["tension"]}
-        results, said = asked.each(lambda part: lever.lever_loops(part, **names)[skip:])
+        names: dict[str, Any] = {"length": question.channels["length"], "force": question.channels["tension"]}
+        results, said = question.each(lambda part: lever.lever_loops(part, **names)[skip:])
         each = [
             {"run": run, "group": "", "time": float(part.time[one.start]), **one._asdict()}
             for run, part, cycles in results for one in cycles
         ]  # fmt: skip
-        told = "Cycles are cut at L0, as those of a muscle lever; mckibben record work-loops cuts them elsewhere."
+        note = "Cycles are cut at L0, as those of a muscle lever; mckibben record work-loops cuts them elsewhere."
         odd = [
             one for _, part, cycles in results
             for one in cautions_of_cycles(part, cycles, length=names["length"], taken="in the range below")
         ]  # fmt: skip
-        cautions = collect(*asked.cautions, *said, *odd)
+        cautions = collect(*question.cautions, *said, *odd)
         if not each:
             raise InputError("skip", skip, "must leave a cycle")
     else:
-        each, _, cautions, told = _loops_or_whole(asked, skip, "work", path_work)
+        each, _, cautions, note = _loops_or_whole(question, skip, "work", path_work)
     names_kept = ("run", "group", "cycle", "time", "duration", "work")
     rows = tuple({**{n: row[n] for n in names_kept}, "power": row["work"] / row["duration"]} for row in each)
     numbers = (Column("duration", None, "s"), Column("work", None, "J"), Column("power", None, "W"))
-    return RecordingNumbers(
-        asked.file, f"Work {_over(asked)}", asked.channels, asked.guessed, tuple(row["work"] for row in rows), rows,
-        (*_AT, *numbers), ("duration", "work", "power"), tuple(filter(None, [told])), cautions,
-    )  # fmt: skip
+    done, summarised = [row["work"] for row in rows], ("duration", "work", "power")
+    return question.answer(f"Work {_over(question)}", done, rows, (*_AT, *numbers), summarised, [note], cautions)
 
 
 @verbs.verb
@@ -396,16 +406,13 @@ def stiffness(
         InputError: a channel is missing, not clear or not finite, the length does not change, or fewer cycles are there
             than are left out.
     """
-    asked = _asked(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
-    each, _, cautions, told = _loops_or_whole(asked, skip, "stiffness", path_stiffness)
+    question = _question(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
+    each, _, cautions, note = _loops_or_whole(question, skip, "stiffness", path_stiffness)
     names_kept = ("run", "group", "cycle", "time", "pressure", "length_low", "length_high", "stiffness")
     rows = tuple({name: row[name] for name in names_kept} for row in each)
     lengths = (Column("length_low", "length from", "m"), Column("length_high", "to", "m"))
-    return RecordingNumbers(
-        asked.file, f"Stiffness {_over(asked)}", asked.channels, asked.guessed, tuple(row["stiffness"] for row in rows),
-        rows, (*_AT, _PRESSURE, *lengths, Column("stiffness", None, "N/m")), ("stiffness",),
-        tuple(filter(None, [told])), cautions,
-    )  # fmt: skip
+    columns, slopes = (*_AT, _PRESSURE, *lengths, Column("stiffness", None, "N/m")), [row["stiffness"] for row in rows]
+    return question.answer(f"Stiffness {_over(question)}", slopes, rows, columns, ["stiffness"], [note], cautions)
 
 
 # ---- steps
@@ -440,19 +447,19 @@ def steps(
     Raises:
         InputError: a channel is missing or not finite, nothing steps, or nothing follows.
     """
-    asked = _asked(recording, read, start, end, {})
-    first = asked.parts[0][1]
+    question = _question(recording, read, start, end, {})
+    first = question.parts[0][1]
     driver = _driver(first) if command is None else command
     first.unit(driver)
     followers = [channel] if channel is not None else _followers(first, driver)
     rows: list[dict[str, Any]] = []
-    found: list[StepResponse] = []
+    items: list[StepResponse] = []
     said_of_pulses = cautions_of_contraction(lever.stated_protocol(first)) if _pulsed(driver) else ()
-    cautions, failure = [*asked.cautions, *said_of_pulses], None
+    cautions, failure = [*question.cautions, *said_of_pulses], None
     for name in followers:
         unit = first.unit(name)
         try:
-            results, said = asked.each(functools.partial(_timings, driver=driver, name=name))
+            results, said = question.each(functools.partial(_timings, driver=driver, name=name))
         except InputError as error:
             failure = failure or error
             cautions.append(Caution(f"{name} is left out: {error}", "channel"))
@@ -467,7 +474,7 @@ def steps(
                     "unit": unit,
                 }
                 rows.append(_plain(row | {"channel": name} | one._asdict()))
-        found += [one for *_, each in results for one in each]
+        items += [one for *_, each in results for one in each]
     if not rows:
         raise failure or InputError("channel", None, "must name a channel that follows")
     slow = dict.fromkeys(row["group"] for row in rows if not row["settled"])
@@ -482,10 +489,8 @@ def steps(
         Column("after", own="unit"), *times,
     )  # fmt: skip
     guessed = (*(("command",) if command is None else ()), *(("channel",) if channel is None else ()))
-    return RecordingNumbers(
-        asked.file, f"Steps of {driver}", {"command": driver, "channel": " and ".join(followers)}, guessed, tuple(found),
-        tuple(rows), columns, tuple(_TIMES), (), collect(*cautions),
-    )  # fmt: skip
+    question = question._replace(channels={"command": driver, "channel": " and ".join(followers)}, guessed=guessed)
+    return question.answer(f"Steps of {driver}", items, rows, columns, [*_TIMES], (), cautions)
 
 
 _TIMES = {"delay": "delay", "transition": "rise or fall", "settling_time": "settling"}
@@ -582,40 +587,37 @@ def leak(
         (200, 24.0)
     """
     stated = start is not None or end is not None
-    asked = _asked(recording, read, start, end, {"pressure": pressure})
-    name, cautions = asked.channels["pressure"], list(asked.cautions)
+    question = _question(recording, read, start, end, {"pressure": pressure})
+    name, cautions = question.channels["pressure"], list(question.cautions)
     volume = None if gas_volume is None else float(gas_volume)
 
     def holds(run: Recording) -> list[tuple[HeldPressure, str]]:
         return [_leaked(part, name, volume) for part in ([run] if stated else _holds(run, name))]
 
-    results, said = asked.each(holds)
+    results, said = question.each(holds)
     rows = [_plain({"run": run, "group": ""} | one._asdict()) for run, _, each in results for one, _ in each]
     cautions += [*said, *(Caution(words, "hold") for *_, each in results for _, words in each if words)]
-    found = tuple(one for *_, each in results for one, _ in each)
+    items = tuple(one for *_, each in results for one, _ in each)
     columns = [
         Column("start", "from", "s"), Column("end", "to", "s"), Column("pressure", "at", "Pa"),
         Column("rate", "falls by", "Pa/s", "mbar/min"),
         Column("decay", "share lost", "1/s", "%/min", ends=("decay_low", "decay_high")),
     ]  # fmt: skip
     summarised = ["pressure", "rate", "decay"]
-    if any(np.isfinite(one.flow) for one in found):
+    if any(np.isfinite(one.flow) for one in items):
         columns += [
             Column("flow", "air", "m^3/s", "ml/min", missing="-"),
             Column("conductance", "leak of a circuit", "m^3/(s*Pa)", "ml/min/bar", missing="-"),
         ]
         summarised += ["flow", "conductance"]
-        told = "Air at 20 °C, 1 bar and 65 % humidity; the conductance is that of a leak in a circuit."
+        note = "Air at 20 °C, 1 bar and 65 % humidity; the conductance is that of a leak in a circuit."
     else:
-        told = "{gas_volume} says how much air that is."
+        note = "{gas_volume} says how much air that is."
     if name.endswith("_abs"):
-        told = f"{name} is absolute; its gauge pressure is less {with_unit(AMBIENT, 'Pa', 6)}. {told}"
+        note = f"{name} is absolute; its gauge pressure is less {with_unit(AMBIENT, 'Pa', 6)}. {note}"
     if not stated:
-        told = f"The hold was found by the pressure or by its step; {{start}} and {{end}} state another. {told}"
-    return RecordingNumbers(
-        asked.file, f"Leak by {name}, gauge", asked.channels, asked.guessed, found, tuple(rows), tuple(columns),
-        tuple(summarised), (told,), collect(*cautions),
-    )  # fmt: skip
+        note = f"The hold was found by the pressure or by its step; {{start}} and {{end}} state another. {note}"
+    return question.answer(f"Leak by {name}, gauge", items, rows, columns, summarised, [note], cautions)
 
 
 def _holds(run: Recording, name: str) -> list[Recording]:
