@@ -12,7 +12,7 @@ holds on the side that the derivative of the formula takes. A tied muscle that i
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,12 +61,7 @@ class LinearModel(NamedTuple):
 
     def modes(self, slowest: float = 1e-3) -> list[Mode]:
         """The modes faster than `slowest` [1/s], a complex pair once, the slowest first."""
-        modes = []
-        for value in self.eigenvalues():
-            size = abs(value)
-            if size > slowest and value.imag >= -1e-9 * size:
-                modes.append(Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value)))
-        return modes
+        return modes_of(self.eigenvalues(), slowest)
 
     def response(self, source: str, target: str, frequency: Scalar) -> np.ndarray:
         """Complex response of an output to an input [output/input] at frequencies [Hz], with the input's own rate.
@@ -93,20 +88,47 @@ class LinearModel(NamedTuple):
         Raises:
             UnreachableError: if it does not fall so far up to `highest`, or nothing passes at `lowest`.
         """
-        from scipy.optimize import brentq
+        return bandwidth_of(
+            functools.partial(self.response, source, target), f"{target} over {source}", lowest, highest
+        )
 
-        grid = np.geomspace(lowest, highest, 2000)
-        size = np.abs(self.response(source, target, grid))
-        edge = size[0] / np.sqrt(2.0)
-        below = np.flatnonzero(size < edge)
-        if not (edge > 0.0 and below.size):
-            raise UnreachableError(
-                f"{target} over {source} does not fall by 3 dB between {lowest:g} and {highest:g} Hz; it is "
-                f"{size[0]:.3g} at the one and {size[-1]:.3g} at the other"
-            )
-        i = int(below[0])
-        excess = lambda f: float(np.abs(self.response(source, target, f))[0] - edge)  # noqa: E731
-        return float(brentq(excess, grid[i - 1], grid[i], rtol=1e-10))
+
+def modes_of(eigenvalues: np.ndarray, slowest: float = 1e-3) -> list[Mode]:
+    """The modes of eigenvalues that are faster than `slowest` [1/s], a complex pair once, in their order."""
+    sizes = np.abs(eigenvalues)
+    kept = (sizes > slowest) & (eigenvalues.imag >= -1e-9 * sizes)
+    return [
+        Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value))
+        for value, size in zip(eigenvalues[kept], sizes[kept], strict=True)
+    ]
+
+
+def bandwidth_of(response: Callable[[Scalar], np.ndarray], what: str, lowest: float, highest: float) -> float:
+    """Lowest frequency [Hz] at which a complex response has fallen by 3 dB from its value at `lowest`.
+
+    Args:
+        response: by frequency [Hz].
+        what: the sentence calls it.
+        lowest: where the search begins [Hz].
+        highest: where it ends [Hz].
+
+    Raises:
+        UnreachableError: if it does not fall so far, or nothing passes at `lowest`.
+    """
+    from scipy.optimize import brentq
+
+    grid = np.geomspace(lowest, highest, 2000)
+    size = np.abs(response(grid))
+    edge = size[0] / np.sqrt(2.0)
+    below = np.flatnonzero(size < edge)
+    if not (edge > 0.0 and below.size):
+        raise UnreachableError(
+            f"{what} does not fall by 3 dB between {lowest:g} and {highest:g} Hz; it is "
+            f"{size[0]:.3g} at the one and {size[-1]:.3g} at the other"
+        )
+    i = int(below[0])
+    excess = lambda f: float(np.abs(response(f))[0] - edge)  # noqa: E731
+    return float(brentq(excess, grid[i - 1], grid[i], rtol=1e-10))
 
 
 def linearise(
