@@ -165,9 +165,3 @@ def test_a_record_of_another_clock_or_without_commands_is_refused():
     with pytest.raises(InputError, match="two samples"):
         bench().fit(record(), {"load.mass": None}, train=slice(0, 1))
 
-
-def test_a_muscle_of_another_diameter_has_the_gas_of_that_diameter():
-    sim = other()
-    assert (
-        sim.machine.circuit.nodes["muscle"].of.__self__.rest_diameter == sim.machine.units["muscle"].law.rest_diameter
-    )

@@ -6,7 +6,8 @@ The state counts mass and pressure of every volume, and where a volume is isothe
 each other: such a machine has modes at zero that nothing excites. Memory cannot be linearised: friction is either held,
 its force constant, as while it slides one way, or stuck, each element a spring, as in small motions about a point of rest.
 Range: smooth points. At a kink, such as a regulator at its set-point, a closed valve or a tendon just slack, the model
-holds on the side that the derivative of the formula takes. A tied muscle that is taut has no state of its own.
+holds on the side that the derivative of the formula takes; `Simulation.linearise` gives the gain of a stated amplitude. A
+tied muscle that is taut has no state of its own.
 """
 
 from __future__ import annotations
@@ -154,7 +155,7 @@ def linearise(
         friction: ``held`` or ``stuck``, for friction, creep and wraps.
 
     Raises:
-        InputError: names a signal or an output that the machine does not have.
+        InputError: names a signal or an output that the machine does not have, or an input on which nothing depends.
     """
     if friction not in ("held", "stuck"):
         raise InputError("friction", friction, "must be held or stuck", where="linearise")
@@ -170,10 +171,21 @@ def linearise(
     moving = _moving(machine, state, states)
     columns = [n + end for n in inputs_by_name for end in ("", RATE_SUFFIX)]
     into, through = np.array(b), np.array(d)
-    kept = [i for i in range(len(columns)) if i % 2 == 0 or np.any(into[:, i]) or np.any(through[:, i])]
+    acts = into.any(axis=0) | through.any(axis=0)
+    for name, acting in zip(inputs_by_name, acts.reshape(-1, 2).any(axis=1), strict=True):
+        if not acting:
+            raise _idle_input(name, inputs)
+    kept = [i for i in range(len(columns)) if i % 2 == 0 or acts[i]]
     model_names = Names(tuple(states[i] for i in moving), tuple(columns[i] for i in kept), tuple(outputs))
     state_by_input = matrix[np.ix_(moving, moving)], into[np.ix_(moving, kept)]
     return LinearModel(*state_by_input, np.array(c)[:, moving], through[:, kept], model_names)
+
+
+def _idle_input(name: str, inputs: Mapping[str, Value]) -> InputError:
+    """The error for an input on which nothing depends, such as the command of a valve that takes it late by another name."""
+    late = [other for other in inputs if other != name and other.startswith(f"{name}.")]
+    would = f"; {', '.join(late)} would do" if late else ""
+    return InputError("input", name, f"moves nothing about this point{would}", where="linear model")
 
 
 def _moving(machine: Machine | Circuit, state: Tree, states: tuple[str, ...]) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -206,6 +206,35 @@ class SimulationBatch:
                 "state", type(state).__name__, f"must be one that such a batch of {self.lanes} lanes saved"
             )
         return self._go_on_from(state)
+
+    def load_states(self, states: SimulationState | Sequence[SimulationState]) -> Any:
+        """Go on from moments of the simulation: one for all lanes, as a controller plans from the present, or one per lane.
+
+        Returns:
+            The observation there. Noise begins as that of the first state.
+
+        Raises:
+            InputError: they are none that such a simulation saved, or not one for each lane.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+            >>> seen, many = sim.step(muscle=3e5), sim.batch(3)
+            >>> many.load_states(sim.save_state()).pressure.tolist() == 3 * [seen.pressure]
+            True
+        """
+        each = [states] * self.lanes if isinstance(states, SimulationState) else list(states)
+        fits = all(isinstance(s, SimulationState) and s.structure == self.simulation.fingerprint for s in each)
+        if not fits or len(each) != self.lanes:
+            raise InputError("states", None, f"must be one or {self.lanes} that this kind of simulation saved")
+        carry, observed, commands = (
+            np.stack([getattr(s, n) for s in each], axis=1) for n in ("carry", "observed", "commands")
+        )
+        shown = np.stack([s.shown or s.observed[:-BEHIND] for s in each], axis=1)
+        first = each[0]
+        return self._go_on_from(
+            BatchState(first.sample, carry, observed, shown, commands, first.noise, first.structure)
+        )
 
     def _go_on_from(self, state: BatchState) -> Any:
         self._begin, self._sample = state, state.sample

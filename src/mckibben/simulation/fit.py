@@ -268,8 +268,7 @@ def find_parameters(machine: Machine, name: str, argument: str, others: Sequence
     Raises:
         InputError: there is none, or more than one without a pattern; names those that there are.
     """
-    # the volume of a muscle has the parameters of its law, and follows them
-    known = [p for p, _ in paths.parameters(machine) if ".__self__." not in p]
+    known = [p for p, _ in paths.parameters(machine)]
     if "*" in name:
         found = [p for p in known if fnmatchcase(p, name) or fnmatchcase(p, f"*.{name}")]
     else:

@@ -165,7 +165,7 @@ class SampledModel(Answer):
         ]
         columns = (
             Column("frequency", unit="Hz"),
-            Column("gain", f"gain, {unit}", right=True),
+            Column("gain", f"gain, {unit}", unit="1"),
             Column("phase", unit="rad", shown="deg", places=".1f"),
         )
         return Table(f"{target} over {source}", columns, rows, tuple(map(str, self.cautions)))

@@ -25,7 +25,6 @@ from .._jax import Scalar, Tree
 from ..answers import Caution, collect, warn
 from ..assembly.machine import Machine
 from ..components import paths
-from ..components.module import BoundMethod
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.plausible import start_pressure_caution
@@ -579,16 +578,7 @@ class Simulation(SteppedSimulation):
         """The same with parameters that have the type and shape of those that they replace [SI]."""
         other = object.__new__(Simulation)
         other.__dict__.update(self.__dict__)
-        # a muscle's gas has the volume of the law that pulls
-        volumes = {
-            f"circuit.nodes.{name}.of.__self__.{rest}": value
-            for path, value in changes.items()
-            for name, kind, rest in [path.removeprefix("units.").partition(".law.")]
-            if kind
-            and name in self.units
-            and isinstance(getattr(self.machine.circuit.nodes[name], "of", None), BoundMethod)
-        }
-        other._use(paths.put(self.machine, {**volumes, **changes}))
+        other._use(paths.put(self.machine, changes))
         return other
 
     def _use(self, machine: Machine) -> None:
