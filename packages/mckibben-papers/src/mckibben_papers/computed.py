@@ -22,6 +22,7 @@ from mckibben.components import Environment
 from mckibben.muscles import braid
 from mckibben.muscles.biological import BiologicalMuscle
 from mckibben.muscles.build import law_from_specimen
+from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws.ideal import Ideal
 from mckibben.muscles.laws.linear_threshold import LinearThreshold
 from mckibben.pneumatics import AIR
@@ -77,11 +78,12 @@ def zero_force_angle() -> float:
     return float(braid.angle(law.free_length(PRESSURE), thread_length=law.thread_length))
 
 
-@reproduces("static.stiffness_per_pressure", "m")
-def kg() -> float:
-    """Kg of the law with wall thickness."""
-    law = law_from_specimen(specimen("nylon"), "thick_wall")
+def kg(law: TensionLaw) -> float:
+    """Kg of a law [m]."""
     return stiffness_per_pressure(law, lengths=LENGTHS, pressure=PRESSURE)
+
+
+reproduces("static.stiffness_per_pressure", "m")(lambda: kg(law_from_specimen(specimen("nylon"), "thick_wall")))
 
 
 @reproduces("static.threshold_pressure", "Pa", "from eq. 13 and L0, as the paper does")

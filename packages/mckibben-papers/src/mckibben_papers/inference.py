@@ -42,7 +42,7 @@ class Network:
             tolerance, by the names of their models.
         together: sets of rows of which all are left out with any: the same number in another place, or one experiment.
         silent: rows that are predicted and tell nothing.
-        rounds: in which values and slopes are taken anew; of one only the slopes of the start are.
+        rounds: in which values and slopes are taken anew; of one the slopes are those of the start.
         step: of the differences by which slopes are taken, over where an input begins.
         steps: these steps of inputs that need another one, in their unit.
         linear: values are taken of the slopes, for each costs recordings; other networks compute them.
@@ -67,29 +67,26 @@ class Network:
 
     def value(self, name: str, x: np.ndarray) -> float:
         """Value of a row [its unit] at scaled inputs (p,)."""
-        if self.linear and np.any(x != self.start):
-            return float(self.at_start(name) + self.slope(name, x) @ (x - self.start))
-        inputs = {n: float(p.value(v)) for (n, p), v in zip(self.inputs.items(), x, strict=True)}
-        return in_row_unit(name, self.models[name](inputs))
-
-    @functools.cache  # noqa: B019 - networks live as long as the process
-    def at_start(self, name: str) -> float:
-        """Value of a row [its unit] where the inputs begin."""
-        return self.value(name, self.start)
+        first = tuple(self.start if self.linear else x)
+        return float(self._value(name, first) + self.slope(name, x) @ (x - first))
 
     def slope(self, name: str, x: np.ndarray) -> np.ndarray:
         """Derivative of a row [its unit] by the scaled inputs (p,), there or where they begin."""
         return self._slope(name, tuple(self.start if self.linear or self.rounds == 1 else x))
 
+    @functools.cache  # noqa: B019 - networks live as long as the process
+    def _value(self, name: str, x: tuple[float, ...]) -> float:
+        inputs = {n: float(p.value(v)) for (n, p), v in zip(self.inputs.items(), x, strict=True)}
+        return in_row_unit(name, self.models[name](inputs))
+
     @functools.cache  # noqa: B019
     def _slope(self, name: str, x: tuple[float, ...]) -> np.ndarray:
-        inputs = {n: float(p.value(v)) for (n, p), v in zip(self.inputs.items(), x, strict=True)}
-        here, slopes = self.models[name](inputs), []
-        for n, p in self.inputs.items():
-            step = self.steps.get(n, self.step * abs(p.start))
-            there = inputs[n] + (step if inputs[n] + step <= p.high else -step)
-            change = in_row_unit(name, self.models[name](inputs | {n: there})) - in_row_unit(name, here)
-            slopes.append(change / (p.scaled(there) - p.scaled(inputs[n])))
+        slopes = []
+        for i, (n, p) in enumerate(self.inputs.items()):
+            now, step = float(p.value(x[i])), self.steps.get(n, self.step * abs(p.start))
+            there = p.scaled(now + (step if now + step <= p.high else -step))
+            moved = (*x[:i], there, *x[i + 1 :])
+            slopes.append((self._value(name, moved) - self._value(name, x)) / (there - x[i]))
         return np.array(slopes)
 
     def target(self, name: str) -> tuple[float, float, bool]:
@@ -216,8 +213,8 @@ def infer(network: Network, left_out: frozenset[str] = frozenset()) -> tuple[np.
 
 def _moves(network: Network, name: str) -> np.ndarray:
     """Which inputs can change a row within their bounds (p,)."""
-    low, high = bounds_of(network.inputs)
-    moved: np.ndarray = np.abs(network.slope(name, network.start)) * (high - low) > SEEN * abs(network.at_start(name))
+    (low, high), start = bounds_of(network.inputs), network.start
+    moved: np.ndarray = np.abs(network.slope(name, start)) * (high - low) > SEEN * abs(network.value(name, start))
     return moved
 
 

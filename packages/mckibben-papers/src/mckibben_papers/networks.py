@@ -7,12 +7,11 @@ Slopes of what is read from recordings are differences between recordings of mac
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable
 from typing import Any
 
-from mckibben.analysis.characteristics import circle_area, static_characteristics, stiffness_per_pressure
-from mckibben.analysis.energy import EnergyCycle, best_pressure, cycle_muscle, energy_cycle
+from mckibben.analysis.characteristics import circle_area, static_characteristics
+from mckibben.analysis.energy import Conditions, CycleMuscle, EnergyCycle, best_pressure, cycle_muscle, energy_cycle
 from mckibben.muscles.build import law_from_specimen
 from mckibben.quantities import to_si
 from mckibben.specimens import specimen
@@ -24,69 +23,72 @@ from .inference import make_parameter as of
 from .rows import printed
 
 THREAD, STRETCHED, FRICTION = "the thread length", "the length L2", "the friction"
-KG, LMIN, DIAMETER = "Kg", "Lmin", "the diameter"
+KG, PA, LMIN, FA, DIAMETER = "Kg", "Pa", "Lmin", "Fa", "the diameter"
 DEAD, WIDTH, BAND = "the valve's dead time", "the width of the threshold", "the regulator's band"
 FILL, VENT = "the flow that fills", "the flow that vents"
 GAIN, MOTOR, WINDOW = "the force loop's integral gain", "the motor's friction", "the velocity's window"
 FLOW, PLAY, LEFT = "the regulator's flow", "the regulator's play", "the share that WD-40 leaves"
 ROOM = "the temperature"
 OF_ENERGY = "friction of Part IV"  # tells what the cell read, beside the rows of loops
-REST = specimen("nylon").property_si("rest_length", "m")
-CYCLES = ("maximal", "isotonic", "valve")
+VALVE, REGULATOR = "plumbing.direct.valve", "plumbing.accumulators.valve"
+PATHS = {  # inputs of the rig: path, unit, and the rig's own number where both edges of the valve are one
+    DEAD: (f"{VALVE}.dead_time", "ms", 2.4),
+    FILL: (f"{VALVE}.fill_flow_into_the_room", "l/min", 85.0),
+    VENT: (f"{VALVE}.relief_flow_into_the_room", "l/min", 85.0),
+    BAND: (f"{VALVE}.band", "bar", 0.05),
+    GAIN: ("control.force.ki", "1/s", 10.0),
+    MOTOR: ("motor.coulomb", "N", 1.0),
+    FLOW: (f"{REGULATOR}.flow_into_the_room", "l/min", 300.0),
+    PLAY: (f"{REGULATOR}.hysteresis", "bar", 0.01),
+}
+
+
+def _changes(v: Inputs) -> tuple[tuple[str, str], ...]:
+    """Changes of the rig by its paths, to inputs that are not its own."""
+    on_rig = [(PATHS[name], value) for name, value in v.items() if name in PATHS]
+    return tuple((path, f"{value:.6g} {unit}") for (path, unit, own), value in on_rig if value != own)
 
 
 # ---- eq. 13 and Table 1
 
 
-def _line(v: Inputs) -> Any:
-    return computed.line(v[KG] * 1e-2, to_si(v["Pa"], "bar", "Pa", field="Pa"), v[LMIN] * 1e-2, v["Fa"])
-
-
-def _of_line(what: Callable[[Any], float]) -> Model:
-    return lambda v: what(_line(v))
-
-
 def line() -> Network:
     """The four coefficients of eq. 13: each is printed, and what follows from them is."""
-    fitted = {
-        "Kg": "stiffness_per_pressure",
-        "Pa": "offset_pressure",
-        "Lmin": "shortest_length",
-        "Fa": "offset_tension",
+    # name: value [SI], half a unit of its last digit, the unit in print in SI, and its name in the fit to ten points
+    known = {
+        KG: (computed.KG, 5e-6, 1e-2, "stiffness_per_pressure"),
+        PA: (computed.PA, 50.0, to_si(1.0, "bar", "Pa", field=PA), "offset_pressure"),
+        LMIN: (computed.LMIN, 5e-5, 1e-2, "shortest_length"),
+        FA: (computed.FA, 0.05, 1.0, "offset_tension"),
     }
-    units = {"Kg": ("cm", "m", 0.0005), "Pa": ("bar", "Pa", 0.0005), "Lmin": ("cm", "m", 0.005), "Fa": ("N", "N", 0.05)}
-    stated = {"Kg": computed.KG, "Pa": computed.PA, "Lmin": computed.LMIN, "Fa": computed.FA}
+
+    def of_line(what: Callable[[Any], Any]) -> Model:
+        return lambda v: float(what(computed.line(*(v[name] * known[name][2] for name in known))))
+
+    def reading(name: str) -> float:
+        return float(getattr(measured.fits().corrected, known[name][3]).value / known[name][0])
 
     def coefficient(name: str) -> Model:
-        shown, si, _ = units[name]
-        return lambda v: to_si(v[name], shown, si, field=name)
-
-    def reading(name: str) -> Callable[[], float]:
-        return lambda: getattr(measured.fits().corrected, fitted[name]).value / stated[name]
+        return lambda v: v[name] * known[name][2]
 
     return Network(
         {
             KG: of(0.466, 0.4, 0.55, "cm"),
-            "Pa": of(0.062, -0.2, 0.5, "bar"),
+            PA: of(0.062, -0.2, 0.5, "bar"),
             LMIN: of(9.91, 9.0, 10.5, "cm"),
-            "Fa": of(-16.0, -40.0, 0.0, "N"),
+            FA: of(-16.0, -40.0, 0.0, "N"),
         },
-        {f"static.fit_{n}": coefficient(n) for n in units}
+        {f"static.fit_{name}": coefficient(name) for name in known}
         | {
-            "static.threshold_pressure": _of_line(lambda law: float(law.threshold_pressure)),
-            "static.passive_stiffness": _of_line(lambda law: float(law.passive_stiffness)),
-            "static.stiffness_5bar_per_length": _of_line(lambda law: computed.stiffness(law) * float(law.rest_length)),
-            "static.max_tension": _of_line(computed.max_tension),
-            "static.work_per_cycle": _of_line(computed.work_per_cycle),
-            "static.zero_tension_length": _of_line(computed.zero_tension_length),
+            "static.threshold_pressure": of_line(lambda law: law.threshold_pressure),
+            "static.passive_stiffness": of_line(lambda law: law.passive_stiffness),
+            "static.stiffness_5bar_per_length": of_line(lambda law: computed.stiffness(law) * law.rest_length),
+            "static.max_tension": of_line(computed.max_tension),
+            "static.work_per_cycle": of_line(computed.work_per_cycle),
+            "static.zero_tension_length": of_line(computed.zero_tension_length),
         },
-        targets={
-            f"static.fit_{n}": functools.partial(
-                lambda n, half, to: (stated[n], to_si(half, *to, field=n)), n, half, to[:2]
-            )
-            for n, (*to, half) in units.items()
-        },
-        through={f"static.fit_{n}": reading(n) for n in units},
+        targets={f"static.fit_{name}": functools.partial(lambda name: known[name][:2], name) for name in known},
+        through={f"static.fit_{name}": functools.partial(reading, name) for name in known},
     )
 
 
@@ -116,12 +118,8 @@ def column(name: str) -> Network:
         },
         {f"table1.{name}.{row}": model(what) for row, what, _ in computed.TABLE1},
         together=tuple(  # the same over the section
-            frozenset((f"table1.{name}.{one}", f"table1.{name}.{other}"))
-            for one, other in (
-                ("max_tension", "tension_intensity"),
-                ("stiffness", "stiffness_intensity"),
-                ("work", "work_density"),
-            )
+            frozenset(f"table1.{name}.{row}" for row in pair.split())
+            for pair in ("max_tension tension_intensity", "stiffness stiffness_intensity", "work work_density")
         ),
     )
 
@@ -132,67 +130,59 @@ def column(name: str) -> Network:
 def temperature() -> Network:
     """The temperature of both accumulators."""
     sizes = {"tube.capacitance_10in3": ACCUMULATORS[LARGE], "tube.capacitance_3in3": ACCUMULATORS[SMALL]}
-
-    def model(size: float) -> Model:
-        return lambda v: computed.capacitance(size, v[ROOM])
-
-    return Network({ROOM: of(300.0, 273.0, 323.0, "K")}, {name: model(size) for name, size in sizes.items()})
+    models = {
+        name: functools.partial(lambda size, v: computed.capacitance(size, v[ROOM]), s) for name, s in sizes.items()
+    }
+    return Network({ROOM: of(300.0, 273.0, 323.0, "K")}, models)
 
 
 def energy() -> Network:
     """Threads, stretched length and friction: the volume at rest follows from the threads, by eq. 9."""
-    braid = law_from_specimen(specimen("nylon"), "thick_wall")
-    widest = float(braid.thread_length) / (math.pi * float(braid.turns))  # type: ignore[attr-defined]
+    braid, line = law_from_specimen(specimen("nylon"), "thick_wall"), part4.muscle().law
+    per_turn = float(braid.thread_length) / float(braid.turns)  # type: ignore[attr-defined]
 
-    @functools.cache
-    def threads(length: float) -> Any:
-        return braid.replace(thread_length=length * 1e-2, turns=length * 1e-2 / (math.pi * widest))
+    def threads(v: Inputs) -> Any:
+        return braid.replace(thread_length=v[THREAD] * 1e-2, turns=v[THREAD] * 1e-2 / per_turn)
 
-    @functools.cache
-    def muscle(length: float) -> Any:
-        rest = float(threads(length).braid_volume(REST, computed.PRESSURE))
-        return cycle_muscle(part4.muscle().law.replace(rest_volume=rest), "paper")
-
-    @functools.cache
-    def cycle(name: str, accumulator: bool, length: float, stretched: float, friction: float) -> EnergyCycle:
+    def state(v: Inputs, *, accumulator: bool = False) -> tuple[CycleMuscle, str, Conditions]:
+        rest = float(threads(v).braid_volume(line.rest_length, computed.PRESSURE))  # type: ignore[attr-defined]
         between = part4.conditions(accumulator=accumulator)
-        return energy_cycle(
-            muscle(length), name, between._replace(stretched_length=stretched * 1e-2, friction=friction)
-        )
+        changed = between._replace(stretched_length=v[STRETCHED] * 1e-2, friction=v[FRICTION])
+        return cycle_muscle(line.replace(rest_volume=rest), "paper"), "maximal", changed
 
-    def model(name: str, what: str, accumulator: bool) -> Model:
-        return lambda v: float(getattr(cycle(name, accumulator, v[THREAD], v[STRETCHED], v[FRICTION]), what))
+    @functools.cache
+    def cycle(name: str, accumulator: bool, *values: float) -> EnergyCycle:
+        muscle, _, between = state(dict(zip(inputs, values, strict=True)), accumulator=accumulator)
+        return energy_cycle(muscle, name, between)
 
-    def best(v: Inputs) -> float:
-        between = part4.conditions()._replace(stretched_length=v[STRETCHED] * 1e-2, friction=v[FRICTION])
-        return float(best_pressure(muscle(v[THREAD]), "maximal", between)[0])
+    def model(name: str, what: str, accumulator: bool = False) -> Model:
+        return lambda v: float(getattr(cycle(name, accumulator, *v.values()), what))
 
+    inputs = {
+        THREAD: of(16.42, 15.6, 18.0, "cm"),  # longer than the muscle at its longest
+        STRETCHED: of(15.5, 15.4, 15.6, "cm"),  # at least 1.1 L0, and shorter than its threads
+        FRICTION: of(2.5, 0.5, 5.0, "N"),
+    }
     models: dict[str, Model] = {
         f"energy.{name}.{what}" + "_accumulator" * accumulator: model(name, what, accumulator)
-        for name in CYCLES
+        for name in ("maximal", "isotonic", "valve")
         for what in ("input", "efficiency")
         for accumulator in (False, True)
         if (name, what, accumulator) != ("maximal", "efficiency", True)  # a misprint tells nothing
     }
-    models |= {f"energy.{name}.output": model(name, "output", False) for name in CYCLES[:2]}
+    models |= {f"energy.{name}.output": model(name, "output") for name in ("maximal", "isotonic")}
+    silent: dict[str, Model] = {
+        "energy.maximal.best_pressure": lambda v: best_pressure(*state(v))[0],
+        "energy.maximal.output_below_W12": lambda v: part4.largest_share(*state(v)[::2])[0],
+    }
     models |= {
-        "energy.maximal.best_pressure": best,
-        "energy.maximal.output_below_W12": lambda v: part4.largest_share(
-            muscle(v[THREAD]), part4.conditions()._replace(stretched_length=v[STRETCHED] * 1e-2, friction=v[FRICTION])
-        )[0],
-        "static.stiffness_per_pressure": lambda v: stiffness_per_pressure(
-            threads(v[THREAD]), lengths=computed.LENGTHS, pressure=computed.PRESSURE
-        ),
         "friction.nylon": lambda v: v[FRICTION],
+        "static.stiffness_per_pressure": lambda v: computed.kg(threads(v)),
     }
     return Network(
-        {
-            THREAD: of(16.42, 15.6, 18.0, "cm"),  # longer than the muscle at its longest
-            STRETCHED: of(15.5, 15.4, 15.6, "cm"),  # at least 1.1 L0, and shorter than its threads
-            FRICTION: of(2.5, 0.5, 5.0, "N"),
-        },
-        models,
-        silent=frozenset(("energy.maximal.best_pressure", "energy.maximal.output_below_W12")),
+        inputs,
+        models | silent,
+        silent=frozenset(silent),
         rounds=1,  # nothing moves by more than a thousandth
         targets={"friction.nylon": lambda: (printed("friction.nylon"), 0.05)},
     )
@@ -203,6 +193,7 @@ def energy() -> Network:
 
 def loops() -> Network:
     """The friction of the nylon muscle, which loops show through cell and gas, and which Part IV takes off the output."""
+    of_row = {"friction.nylon": "friction", "loop.height": "height", "loop.width": "width", OF_ENERGY: "friction"}
 
     def model(what: str) -> Model:
         return lambda v: float(getattr(measured.rubbed_loop("nylon", v[FRICTION]), what))
@@ -211,18 +202,8 @@ def loops() -> Network:
         told = predict(network("energy.maximal.output"), "friction.nylon")
         return told.value, told.spread
 
-    return Network(
-        {FRICTION: of(2.65, 0.5, 5.0, "N")},
-        {
-            "friction.nylon": model("friction"),
-            "loop.height": model("height"),
-            "loop.width": model("width"),
-            OF_ENERGY: model("friction"),
-        },
-        targets={OF_ENERGY: of_energy},
-        step=0.25,
-        linear=True,
-    )
+    inputs, models = {FRICTION: of(2.65, 0.5, 5.0, "N")}, {row: model(what) for row, what in of_row.items()}
+    return Network(inputs, models, targets={OF_ENERGY: of_energy}, step=0.25, linear=True)
 
 
 def alone(muscle: str) -> Network:
@@ -238,16 +219,11 @@ def lubricant() -> Network:
 
 
 def regulator() -> Network:
-    """The regulator of the loops, set by hand."""
-    at = "plumbing.accumulators.valve"
+    """The regulator of the loops, set by hand; counts of the sensor hide what it changes, the true pressure tells it."""
 
     def model(v: Inputs) -> float:
-        read, true = measured.worst_pressure_variation(())
-        if (v[FLOW], v[PLAY]) == (300.0, 0.01):
-            return read
-        # a count of the sensor hides what an input changes: the true pressure tells it
-        changes = (f"{at}.flow_into_the_room", f"{v[FLOW]:.6g} l/min"), (f"{at}.hysteresis", f"{v[PLAY]:.6g} bar")
-        return read + measured.worst_pressure_variation(changes)[1] - true
+        (read, true), changed = measured.worst_pressure_variation(), measured.worst_pressure_variation(_changes(v))
+        return read + changed[1] - true
 
     inputs = {FLOW: of(300.0, 30.0, 1000.0, "l/min", log=True), PLAY: of(0.01, 0.0, 0.1, "bar")}
     return Network(inputs, {"loop.pressure_variation": model}, step=0.5, linear=True)
@@ -256,54 +232,37 @@ def regulator() -> Network:
 # ---- Part III
 
 
-VALVE = "plumbing.direct.valve"
-
-
 def delays() -> Network:
     """The valve's dead time, and the width of the threshold, by which tension follows the pressure."""
 
     def model(what: str) -> Model:
         def mean(v: Inputs) -> float:
-            changed: dict[str, Any] = {}
-            if v[DEAD] != 2.4:
-                changed["changes"] = ((f"{VALVE}.dead_time", f"{v[DEAD]:.6g} ms"),)
-            if v[WIDTH] != 0.85:
-                changed["law"] = (("threshold_width", to_si(v[WIDTH], "bar", "Pa", field=WIDTH)),)
-            return measured.mean_time(what, stroke="full", rising=True, **changed)
+            width = to_si(v[WIDTH], "bar", "Pa", field=WIDTH)
+            law = () if v[WIDTH] == 0.85 else (("threshold_width", width),)
+            return measured.mean_time(what, stroke="full", rising=True, changes=_changes(v), law=law)
 
         return mean
 
-    return Network(
-        {DEAD: of(2.4, 0.0, 5.0, "ms"), WIDTH: of(0.85, 0.4, 1.2, "bar")},
-        {f"isometric.{what}": model(what) for what in ("valve_delay", "pressure_to_tension", "total_delay")},
-        step=0.2,
-        linear=True,
-    )
+    models = {f"isometric.{what}": model(what) for what in ("valve_delay", "pressure_to_tension", "total_delay")}
+    return Network({DEAD: of(2.4, 0.0, 5.0, "ms"), WIDTH: of(0.85, 0.4, 1.2, "bar")}, models, step=0.2, linear=True)
 
 
 def transitions() -> Network:
     """The electro-valve, which fills and vents through edges of its own: two of the four times tell them, two are told."""
 
     def model(way: str, stroke: str) -> Model:
-        def mean(v: Inputs) -> float:
-            edges = {"fill": v[FILL], "relief": v[VENT]}
-            changes = [(f"{VALVE}.{edge}_flow_into_the_room", f"{flow:.6g} l/min") for edge, flow in edges.items()]
-            changes += [(f"{VALVE}.{edge}_flow_pressure", "6.9 bar") for edge in edges]
-            changes += [(f"{VALVE}.band", f"{v[BAND]:.6g} bar")]
-            return measured.mean_time("transition", stroke=stroke, rising=way == "rise", changes=tuple(changes))
+        rising = way == "rise"
+        return lambda v: measured.mean_time("transition", stroke=stroke, rising=rising, changes=_changes(v))
 
-        return mean
-
+    pairs = {stroke: [(f"isometric.{way}_{stroke}", way) for way in ("rise", "fall")] for stroke in ("full", "half")}
     return Network(
         {
             FILL: of(75.0, 30.0, 600.0, "l/min", log=True),  # up to what is printed of the valve without load
             VENT: of(80.0, 30.0, 600.0, "l/min", log=True),
             BAND: of(0.05, 0.05, 0.5, "bar"),
         },
-        {f"isometric.{way}_{stroke}": model(way, stroke) for way in ("rise", "fall") for stroke in ("full", "half")},
-        together=tuple(
-            frozenset(f"isometric.{way}_{stroke}" for way in ("rise", "fall")) for stroke in ("full", "half")
-        ),
+        {row: model(way, stroke) for stroke, pair in pairs.items() for row, way in pair},
+        together=tuple(frozenset(row for row, _ in pair) for pair in pairs.values()),
         step=0.15,
         steps={BAND: 0.2},
         linear=True,
@@ -312,20 +271,13 @@ def transitions() -> Network:
 
 def force_loop() -> Network:
     """Motor and force loop, which let the tension of an isotonic shortening lie above its set-point."""
+    cases = {"isotonic.work_10N_1Hz": measured.LIGHT, "isotonic.work_50N_5Hz": measured.FAST}
+    inputs = {GAIN: of(10.0, 1.0, 100.0, "1/s", log=True), MOTOR: of(1.0, 0.0, 3.0, "N")}
 
     def model(case: tuple[str, str]) -> Model:
-        def work(v: Inputs) -> float:
-            changes = (("control.force.ki", f"{v[GAIN]:.6g} 1/s"), ("motor.coulomb", f"{v[MOTOR]:.6g} N"))
-            return measured.power(case, changes=() if (v[GAIN], v[MOTOR]) == (10.0, 1.0) else changes).work
+        return lambda v: measured.power(case, changes=_changes(v)).work
 
-        return work
-
-    return Network(
-        {GAIN: of(10.0, 1.0, 100.0, "1/s", log=True), MOTOR: of(1.0, 0.0, 3.0, "N")},
-        {"isotonic.work_10N_1Hz": model(measured.LIGHT), "isotonic.work_50N_5Hz": model(measured.FAST)},
-        step=0.5,
-        linear=True,
-    )
+    return Network(inputs, {row: model(case) for row, case in cases.items()}, step=0.5, linear=True)
 
 
 def window() -> Network:
