@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .mechanisms import Plate as Plate
     from .mechanisms import Spring as Spring
     from .mechanisms import Weight as Weight
+    from .readouts import Readout as Readout
     from .simulation import Simulation as Simulation
     from .stepping import SimulationState as SimulationState
 
@@ -30,6 +31,7 @@ lazy_names(
     {
         "air": ["Air"],
         "mechanisms": ["Chain", "Joint", "Link", "Mechanism", "Plate", "Spring", "Weight"],
+        "readouts": ["Readout"],
         "simulation": ["Simulation"],
         "stepping": ["SimulationState"],
     },

@@ -28,6 +28,7 @@ from ..engine.soundness import SOUND, Soundness, unsound_sentence
 from ..errors import ConvergenceError
 from .air import AirCircuit
 from .mechanisms import Mechanism, StartPressure
+from .readouts import ReadoutLines
 from .stepping import (
     BEHIND,
     CommandedMachine,
@@ -42,6 +43,7 @@ from .stepping import (
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
 BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
+LEAST_BLOCK = 16  # no kernel takes less at once
 FEW = 8  # lanes below this number that need shorter steps are stepped one by one
 
 
@@ -112,7 +114,7 @@ class SampleKernel:
         self, programs: Programs, plant: np.ndarray, period: float, inner: int, lanes: int | None = None
     ) -> None:
         self.programs, self.plant, self.period, self.inner, self.lanes = programs, plant, period, inner, lanes
-        self._padded = lanes if lanes is None else -(-lanes // BLOCK) * BLOCK
+        self._padded = lanes if lanes is None else _padded(lanes)
         many = () if self._padded is None else (self._padded,)
         _, carry, commands = programs.examples
         self._carries = [np.zeros((*carry.shape, *many)) for _ in range(2)]
@@ -307,7 +309,17 @@ class SampleKernel:
         if function.engine != "native":
             return functools.partial(_by_xla, function, inputs, wanted, self._padded)
         arrays = [np.asarray(a) for a in inputs]
-        return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE)
+        # what one block holds takes less time than it takes to share it out
+        threads = 1 if self._padded is not None and self._padded <= BLOCK else None
+        return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE, threads=threads)
+
+
+def _padded(lanes: int) -> int:
+    """Lanes with those that only fill: whole blocks, or of few lanes the smallest part of one, halved, that holds them."""
+    size = BLOCK
+    while size // 2 >= max(lanes, LEAST_BLOCK):
+        size //= 2
+    return -(-lanes // size) * size
 
 
 def _by_xla(function: EngineFunction, inputs: Sequence[Tree], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
@@ -381,6 +393,7 @@ class SteppedSimulation(abc.ABC):
     command_entries: dict[str, tuple[int, float, float]]
     Observation: Any
     noise: np.ndarray | None
+    readouts: ReadoutLines
     programs: Programs
     parameters: np.ndarray
     period: float
