@@ -1,5 +1,8 @@
 """Many simulations side by side."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from stepped_systems import drive, driven, joint
@@ -43,6 +46,19 @@ def test_a_batch_goes_on_from_a_saved_state_bit_for_bit():
     first = [many.step(extensor=0.1).angle.tolist() for _ in range(5)]
     many.load_state(state)
     assert [many.step(extensor=0.1).angle.tolist() for _ in range(5)] == first
+
+
+def test_copies_and_pickles_of_simulations_and_batches_go_on_bit_for_bit_and_apart():
+    sim = joint(noisy=True)
+    for whole in (sim, sim.batch(2, {"load.inertia": [2e-3, 4e-3]})):
+        whole.reset(seed=3, pressure="2 bar")
+        seen = whole.step(flexor=0.2)
+        np.testing.assert_equal(pickle.loads(pickle.dumps(seen)), seen)
+        others = copy.deepcopy(whole), pickle.loads(pickle.dumps(whole))
+        after = [whole.step(extensor=0.1) for _ in range(5)]
+        for other in others:  # what one does moves no other
+            np.testing.assert_equal([other.step(extensor=0.1) for _ in range(5)], after)
+            np.testing.assert_array_equal(other.recording()["joint.angle"], whole.recording()["joint.angle"])
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ class SimulationBatch:
             most = int(SHARE * free_memory() / need)
             raise InputError("lanes", lanes, f"must be at most {most:,}, for which there is memory")
         self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
-        self.commands, self.Observation = simulation.commands, simulation.Observation
+        self.commands = simulation.commands
         self._changes = {path: self._checked(path, values) for path, values in changes.items()}
         self._parameters = simulation.parameters
         if self._changes:
@@ -91,6 +91,11 @@ class SimulationBatch:
 
     def __len__(self) -> int:
         return self.lanes
+
+    @property
+    def Observation(self) -> Any:  # noqa: N802 - the type of what `step` returns
+        """Type of the observations, a named tuple."""
+        return self.simulation.Observation
 
     @property
     def cautions(self) -> tuple[Caution, ...]:

@@ -66,6 +66,12 @@ class Programs:
         )
         self._compiled: dict[Any, EngineFunction] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_compiled": {}}  # what is compiled belongs to this process; kernels lie on disk
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Programs:
+        return self
+
     def step(self, stiff: bool) -> EngineFunction:
         """`step_vectors` of this structure."""
         bound = functools.partial(step_vectors, self.layouts, stiff)
@@ -134,6 +140,12 @@ class SampleKernel:
             )
         self._usual = period / inner
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        own = slice(self.lanes)
+        plant = self.plant[:, own] if self.plant.ndim == 2 else self.plant
+        made = self.programs, plant, self.period, self.inner, self.lanes
+        return _kernel_at, (*made, self.carry[..., own], self.observation, self.commands, self.rate_bound)
+
     @property
     def carry(self) -> np.ndarray:
         """What goes into the next sample; not to be changed."""
@@ -153,9 +165,15 @@ class SampleKernel:
         self.rate_bound = float(np.max(self._observed[-2]))
 
     def put_carry(self, lanes: np.ndarray, carry: np.ndarray, observed: np.ndarray) -> None:
-        """Let some lanes go on from a carry, with the observation that belongs to it; the others stay as they are."""
+        """Let some lanes go on from a carry, or one each, with the observation that belongs to it; the others stay."""
         for target, source in ((self._carries[self._now], carry), (self._observed, observed)):
-            target[:, lanes] = source[:, None]
+            target[:, lanes] = source[:, None] if source.ndim == 1 else source
+
+    def put_plant(self, lanes: np.ndarray, plant: np.ndarray) -> None:
+        """Give some lanes other parameters, (numbers, lanes), where each has its own; the others keep theirs."""
+        self.plant[:, lanes] = plant
+        if self.lanes is not None:
+            self.plant[:, self.lanes :] = self.plant[:, self.lanes - 1 : self.lanes]
 
     def set_command(self, place: int, value: Any) -> None:
         """Set a command in all lanes, also those that only fill the last block."""
@@ -320,6 +338,18 @@ def _padded(lanes: int) -> int:
     while size // 2 >= max(lanes, LEAST_BLOCK):
         size //= 2
     return -(-lanes // size) * size
+
+
+def _kernel_at(
+    programs: Programs, plant: np.ndarray, period: float, inner: int, lanes: int | None, *moment: Any
+) -> SampleKernel:
+    """A copy of a kernel at a moment; its calls are bound anew to its own places in memory."""
+    kernel, (carry, observed, commands, bound) = SampleKernel(programs, plant, period, inner, lanes), moment
+    kernel.set_carry(carry, observed)
+    for place, value in enumerate(commands):
+        kernel.set_command(place, value)
+    kernel.rate_bound = bound
+    return kernel
 
 
 def _by_xla(function: EngineFunction, inputs: Sequence[Tree], wanted: Sequence[np.ndarray], lanes: int | None) -> None:

@@ -12,6 +12,7 @@ kernel, which is compiled when a structure is first stepped, and found on disk f
 
 from __future__ import annotations
 
+import functools
 import keyword
 import math
 from collections import namedtuple
@@ -121,7 +122,6 @@ class Simulation(SteppedSimulation):
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
-        self.Observation: Any = _observation_type([name for name, _ in self.plant.shown])
         self.noise = self._checked_noise(noise or {})
         said += self._noise_cautions(noise or {})
         units_of = {name: described(output)[0] for name, output in self.plant.shown}
@@ -139,9 +139,7 @@ class Simulation(SteppedSimulation):
         self._said: set[tuple[str, bool]] = set()
         self.cautions: tuple[Caution, ...] = ()
         self.caution(*said, stacklevel=3)
-        self._buffer: Any = memoryview(self._kernel.commands)
-        self._seen: Any = memoryview(self._kernel.observation)
-        self._make = self.Observation._make
+        self._attach()
         self._rests: dict[Any, tuple[np.ndarray, np.ndarray]] = {}
         self._random = np.random.default_rng(0)
         self._fields = len(self.plant.shown)
@@ -161,6 +159,21 @@ class Simulation(SteppedSimulation):
         read = f"; readouts: {self.readouts.stated}" if self.readouts else ""
         read += f"; limits: {limits}" if limits else ""
         return f"Simulation({system}: {', '.join(self.commands)}{read}; assumed: {assumed}{cautions})"
+
+    def _attach(self) -> None:
+        """See the commands and the observation in the kernel's own memory."""
+        self.Observation: Any = _observation_type(tuple(self.programs.fields))
+        self._buffer: Any = memoryview(self._kernel.commands)
+        self._seen: Any = memoryview(self._kernel.observation)
+        self._make = self.Observation._make
+
+    def __getstate__(self) -> dict[str, Any]:
+        of_this_process = ("Observation", "_buffer", "_seen", "_make")
+        return {name: value for name, value in self.__dict__.items() if name not in of_this_process}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._attach()
 
     def caution(self, *said: Caution | None, stacklevel: int = 2) -> None:
         """Keep cautions, and say as warnings those that were not said before."""
@@ -486,7 +499,7 @@ class Simulation(SteppedSimulation):
         self.plant = self.plant.replace(machine=machine)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        self._buffer, self._seen = memoryview(self._kernel.commands), memoryview(self._kernel.observation)
+        self._attach()
         self._rests, self._begin, self._log, self._sensed = {}, None, [], []
 
 
@@ -527,6 +540,14 @@ def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str
     return tuple(fields.items())
 
 
-def _observation_type(fields: list[str]) -> Any:
+@functools.cache
+def _observation_type(fields: tuple[str, ...]) -> Any:
+    """The type of an observation, one for equal fields; type and values can be pickled though no module names it."""
     assert not any(keyword.iskeyword(name) for name in fields)
-    return namedtuple("Observation", ["time", *fields])  # noqa: PYI024 - its fields are those of the mechanism
+    kind = namedtuple("Observation", ["time", *fields])  # noqa: PYI024 - its fields are those of the mechanism
+    kind.__reduce__ = lambda seen: (_observation, (fields, tuple(seen)))  # type: ignore[method-assign, assignment]
+    return kind
+
+
+def _observation(fields: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return _observation_type(fields)(*values)
