@@ -19,6 +19,25 @@ from .task import Controller, ControlTask
 SHAPED_TO = 80e-3 / 27e-3  # usual rate of shaped references, in ranges of the output per second [1/s]
 RANGES = {"m": 27e-3, "rad": 0.6}  # usual ranges of outputs [unit]
 RESTS = 0.3  # for which an integral rests after a shaped reference lags behind what is wanted [s]
+FILLING = 0.1  # for which it rests after a command was at a limit: dead time, and the filling of the muscle [s]
+
+
+class RestingIntegral:
+    """Integral of an error that rests where the error says nothing of the plant: in steps and saturation, and a while after.
+
+    Args:
+        period: of the samples [s].
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period, self.value, self._rests = period, 0.0, 0
+
+    def add(self, error: float, *, moving: bool, saturated: bool) -> None:
+        """Take in the error of a sample, unless it rests."""
+        rests = RESTS if moving else FILLING if saturated else 0.0
+        self._rests = max(self._rests - 1, round(rests / self.period))
+        if self._rests <= 0:
+            self.value += error * self.period
 
 
 class PID:
@@ -71,8 +90,8 @@ class InverseControl:
 
         u(t) = P(t + preview) + lead dP/dt + kp e + ki sum(e) T
 
-    The reference is shaped to a `rate`; of a staircase, whose future is not known, the integral rests while the shaped
-    reference lags behind. It stops at saturation too.
+    The reference is shaped to a `rate`; the integral rests while the shaped reference lags behind, as it does at each
+    step of a staircase, and while the command is at a limit.
 
     Args:
         task: what is driven.
@@ -111,7 +130,7 @@ class InverseControl:
         self._shaper.reset(output)
         self._pressure = self._inverse.reset(output)
         self._past = deque([output] * (self.preview + 1), self.preview + 1)
-        self._sum, self._rests = 0.0, 0
+        self._sum = RestingIntegral(self.task.period)
 
     def step(self, measured: Any, window: np.ndarray) -> float:
         """The number for the next period."""
@@ -125,11 +144,9 @@ class InverseControl:
             return task.saturated(wanted)
         kp, ki = self.gains
         error = self._past[0] - task.output(measured)
-        self._rests = round(RESTS / task.period) if shaper.moving else max(self._rests - 1, 0)
-        number = wanted + kp * error + self._sum
+        number = wanted + kp * error + ki * self._sum.value
         acting = task.saturated(number)
-        if self._rests == 0 and (number - acting) * error <= 0.0:
-            self._sum += ki * error * task.period
+        self._sum.add(error, moving=shaper.moving, saturated=acting != number)
         return acting
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .controllers import RESTS, SHAPED_TO
+from .controllers import SHAPED_TO, RestingIntegral
 from .inverse import Inverse
 from .references import RateLimit
 from .task import ControlTask
@@ -72,7 +72,7 @@ class LQI:
         self._shaper.reset(output)
         self._pressure = self._inverse.reset(output)
         self._outputs, self._pressures = [output] * (self.preview + 1), [self._pressure] * (self.preview + 1)
-        self._state, self._told, self._sum, self._rests = np.zeros(len(self.B)), 0.0, 0.0, 0
+        self._state, self._told, self._sum = np.zeros(len(self.B)), 0.0, RestingIntegral(self.task.period)
 
     def step(self, measured: Any, window: np.ndarray) -> float:
         """The number for the next period."""
@@ -85,13 +85,10 @@ class LQI:
         ahead = self.A @ self._state + self.B * self._told
         seen = np.array([measured.pressure - self._pressures[0], output - self._outputs[0]])
         self._state = ahead + self.filter @ (seen - self.C @ ahead)
-        number = wanted - float(self.gain @ np.append(self._state, self._sum))
+        number = wanted - float(self.gain @ np.append(self._state, self._sum.value))
         acting = task.saturated(number)
         self._told = acting - wanted
-        error = self._outputs[0] - output
-        self._rests = round(RESTS / task.period) if shaper.moving else max(self._rests - 1, 0)
-        if self._rests == 0 and (number - acting) * error <= 0.0:
-            self._sum += error * task.period
+        self._sum.add(self._outputs[0] - output, moving=shaper.moving, saturated=acting != number)
         return acting
 
 
