@@ -37,6 +37,17 @@ def test_a_pattern_draws_each_number_by_itself_and_a_seed_draws_them_again():
     assert all(np.array_equal(again[p], v) and not np.array_equal(other[p], v) for p, v in drawn.items())
 
 
+def test_numbers_that_stand_together_are_scaled_together(sim):
+    path = "units.muscle.friction.limit.constant"
+    drawn, whole = randomise(sim, 6, {path: "30 %"})[path], np.asarray(sim.units["muscle"].friction.limit.constant)
+    shares = drawn / whole[:, None]
+    assert drawn.shape == (len(whole), 6) and np.ptp(shares[0]) > 0.1
+    np.testing.assert_allclose(shares, np.tile(shares[0], (len(whole), 1)), rtol=1e-15)  # of one product
+    batch = sim.batch(6, {path: drawn})
+    batch.reset()
+    assert len({*[batch.step(muscle=2e5) for _ in range(20)][-1].position}) == 6
+
+
 def test_draws_of_a_law_keep_their_rows_together_and_are_those_of_each_muscle(sim):
     rows = {"rest_length": np.array([0.139, 0.140, 0.141]), "rest_volume": np.array([5e-6, 6e-6, 7e-6])}
     drawn = randomise(sim, 50, muscles=rows)
@@ -67,6 +78,7 @@ def test_a_fit_is_drawn_with_its_correlations():
         ({MASS: ("-1 kg", "1 kg")}, "load.mass must be between"),
         ({MASS: np.ones(3)}, "each of 4 plants"),
         ({"load.stiffness": "5 %"}, "nothing of 0"),
+        ({"units.muscle.friction.limit.constant": "+-1 N"}, "holds 8 numbers, which a share"),
     ],
 )
 def test_what_is_no_spread_is_refused(sim, vary, word):

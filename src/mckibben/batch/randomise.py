@@ -76,12 +76,17 @@ def randomise(
 
 
 def _drawn(path: str, spread: Any, stated: Quantity, value: Any, count: int, chance: np.random.Generator) -> np.ndarray:
-    if np.ndim(value) > 0:
-        raise InputError(path, None, f"holds {np.shape(value)} numbers; only single ones are drawn")
+    whole = np.asarray(value, float)
     if isinstance(spread, np.ndarray):
-        if spread.shape != (count,):
+        if spread.shape != (*whole.shape, count):
             raise InputError(path, None, f"must have a value for each of {count} plants, got shape {spread.shape}")
         return np.asarray(spread, float)
+    if whole.ndim > 0:
+        if not (isinstance(spread, str) and _TOLERANCE.fullmatch(spread)):
+            raise InputError(
+                path, str(spread), f"holds {whole.size} numbers, which a share such as '5 %' scales together"
+            )
+        return whole[..., None] * chance.uniform(*ends_of(path, spread, "1", 1.0), count)
     low, high = ends_of(path, spread, stated.unit, float(np.asarray(value)))
     return chance.uniform(low, high, count)
 

@@ -80,7 +80,7 @@ class _Plant:
         sims = [self.simulation]
         if self.varied:
             self.drawn = randomise(self.simulation, count, vary, muscles=muscles, seed=plants_seed)
-            sims = [self.simulation.with_arrays({p: v[k] for p, v in self.drawn.items()}) for k in range(count)]
+            sims = [self.simulation.with_arrays({p: v[..., k] for p, v in self.drawn.items()}) for k in range(count)]
         starts = [sim.rest_state(self.task.pressure) for sim in sims]
         self.starts = tuple(np.stack([start[i] for start in starts], axis=1) for i in range(2))
         self.parameters = np.stack([sim.parameters for sim in sims], axis=1)
