@@ -51,6 +51,7 @@ ASKED = {
     "calibrate show": "no.toml",
     "calibrate apply": "no.nc --off --out no.csv",
     "joint": "--command flexor=0.1 --duration 0.02s",
+    "control": "--controller memory-inverse --plants 0 --duration 3s",
     "sweep": f"{CIRCUITS.parent / 'sweeps' / 'tube-and-threshold.toml'} --out sweep --dry-run",
     "tension": "nylon --length 11:12:0.5cm --pressure 5bar",
     "energy": "nylon --pressure 5bar --cycle maximal",

@@ -205,6 +205,9 @@ CALLS: dict[str, list[Call]] = {
     "joint": [
         Call(("nylon", "--command", "flexor=0, 0.3 @ 50 ms", "--duration", "0.2 s", "--out", "joint.nc"), ["joint.nc"])
     ],
+    "control": [
+        Call(("--controller", "inverse", "--plants", "0", "--duration", "3 s", "--out", "control.csv"), ["control.csv"])
+    ],
     "device serve": [Call((*BENCH, "--duration", "1 s"))],
     "device check": [Call(("--rig", "modern", "--simulate"))],
     "energy": [Call((MUSCLE, "--pressure", "5 bar", "--out", "energy.svg"), ["energy.svg"])],

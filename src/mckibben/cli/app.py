@@ -100,6 +100,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "List valves, tubes, gas sources, laws and muscles with numbers, units and sources.",
     ),
     "size": ("verb_commands:size", "Find the muscle, valve, tube and gas source for a force and a stroke."),
+    "control": (
+        "verb_commands:control",
+        "Score controllers on a bench: median and worst on plants that they were not built on.",
+    ),
     "sweep": (
         "verb_commands:sweep",
         "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr.",

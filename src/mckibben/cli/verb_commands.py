@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..analysis.energy_parts import EnergyAccount
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
+    from ..control.scores import ControlScores
     from ..experiments.description import ProtocolDescription
     from ..studies.circuits import CircuitDescription, CircuitRecording, CircuitResponse, FittedCircuit
     from ..studies.comparison import MuscleTable
@@ -363,6 +364,28 @@ joint = VerbCommand(
     draw=_draw_joint,
     writes={"recording": _write_recording},
     around=_joint_bar,
+)
+
+
+def _draw_control(answer: ControlScores, path: Path) -> None:
+    from ..report.figures import control_figures, style
+
+    style.save(control_figures.control_figure(answer), path)
+
+
+@contextlib.contextmanager
+def _control_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    with _progress.progress("controllers", 1.0) as bar:
+        yield {"progress": lambda done, total: bar.reached(done, total, f"{done} of {total} runs")}
+
+
+control = VerbCommand(
+    "control.scores:score",
+    DRAWN,
+    ("control --controller memory-inverse,mpc --bench B1 --reference R2 --plants 2 --out control.svg",),
+    options={"controller": "controller"},
+    draw=_draw_control,
+    around=_control_bar,
 )
 
 

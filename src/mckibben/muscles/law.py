@@ -33,6 +33,7 @@ from .plausible import HIGHEST_PRESSURE
 
 # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
 THREAD_STRAIN = 0.005
+LOOKS, HALVINGS = 100, 40  # of `pressures_for`: pieces in which a crossing is sought, and halvings of that piece
 LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
@@ -284,6 +285,49 @@ class TensionLaw(Module):
         i = int(crossings[0])
         excess = lambda p: float(self.tension(float(span), p)) - tension  # noqa: E731
         return float(brentq(excess, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
+
+    @evaluated
+    def pressures_for(self, tension: Scalar, span: Scalar, highest: Scalar = HIGHEST_PRESSURE) -> Scalar:
+        """The lowest gauge pressures [Pa] from zero up to `highest` that give tensions, of arrays at once.
+
+        Differentiable by all arguments. Two crossings within a hundredth of the range count as none; `pressure_for` looks
+        ten times as closely, and says why there is no answer.
+
+        Args:
+            tension: wanted tensions [N], not negative.
+            span: distances between the anchors [m].
+            highest: where the search ends [Pa].
+
+        Returns:
+            Elementwise; NaN where no pressure in that range gives the tension.
+        """
+        tension, span = _together(tension, span)
+        fixed = jax.lax.stop_gradient(tension)
+        step = jnp.broadcast_to(jax.lax.stop_gradient(jnp.asarray(highest, float)) / LOOKS, tension.shape)
+        law, at = jax.lax.stop_gradient((self, span))
+        begin = law.tension(at, jnp.zeros_like(at)) - fixed
+
+        def look(i: Any, carry: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
+            low, before, found = carry
+            now = law.tension(at, step * (i + 1.0)) - fixed
+            crosses = ((before < 0.0) & (now >= 0.0)) | ((before > 0.0) & (now <= 0.0)) | (before == 0.0)
+            new = crosses & (found == 0.0)
+            return jnp.where(new, step * i, low), now, jnp.where(new, 1.0, found)
+
+        low, _, found = jax.lax.fori_loop(0, LOOKS, look, (jnp.zeros_like(at), begin, jnp.zeros_like(at)))
+        sign = jnp.where(law.tension(at, low) - fixed <= 0.0, 1.0, -1.0)
+
+        def halve(_: int, ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+            middle = 0.5 * (ends[0] + ends[1])
+            above = sign * (law.tension(at, middle) - fixed) >= 0.0
+            return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+        # halvings to the last bits; the Newton step after them carries the derivative by the implicit function
+        start = jax.lax.stop_gradient(jax.lax.fori_loop(0, HALVINGS, halve, (low, low + step))[1])
+        force, slope = jax.jvp(lambda p: self.tension(span, p), (start,), (jnp.ones_like(start),))
+        slope = jax.lax.stop_gradient(slope)
+        move = jnp.where(slope != 0.0, (force - tension) / jnp.where(slope != 0.0, slope, 1.0), 0.0)
+        return jnp.where(found > 0.0, jnp.maximum(start - jnp.where(jnp.abs(move) < 1.0, move, 0.0), 0.0), jnp.nan)
 
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
         force, free = self.braid_tension(span, pressure), self.free_length(pressure)
