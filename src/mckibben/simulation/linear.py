@@ -285,7 +285,7 @@ def _steps(
         signal = name.removeprefix("past ").rpartition(" ")[0]
         if name.startswith("past ") and signal in command:
             ranges[k] = amplitudes[command[signal]]
-    return np.maximum(np.where(air, 1.0, SMALL) * ranges, np.maximum(1e-6 * np.abs(x), 1e-9))
+    return np.asarray(np.maximum(np.where(air, 1.0, SMALL) * ranges, np.maximum(1e-6 * np.abs(x), 1e-9)))
 
 
 def _kink_caution(names: Sequence[str], kinks: Sequence[tuple[int, int, float]]) -> Caution | None:
