@@ -335,6 +335,66 @@ class TensionLaw(Module):
         return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
 
 
+_NODES, _WEIGHTS = (tuple(map(float, one)) for one in np.polynomial.legendre.leggauss(8))
+_STEPS = 8  # of Newton's method; each doubles the digits once it is near
+
+
+class PressureLaw(TensionLaw):
+    """A law published as the gauge pressure that a force needs at a contraction, P(F, eps); a law of your own states that.
+
+    The tension is the force at which the pressure is needed, found by Newton's method from no force on; the gas energy is
+    the integral of what the gas adds to it over the contraction, by the quadrature of Gauss at 8 nodes, so that tension
+    and volume come from one potential as of every law. Range: a pressure that rises with the force, smoothly and without
+    bound, also below zero force. Its first evaluation compiles for some seconds.
+
+    Args:
+        rest_length: at which the contraction is zero [m].
+        rest_volume: gas volume there [m^3]; forces do not depend on it.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> class Published(mk.PressureLaw):
+        ...     title, cites, fitted = "published", (), ("per_force", "stiffening")
+        ...     per_force = mk.quantity("1/m^2", (1.0, 1e9), "pressure per force at rest")
+        ...     stiffening = mk.quantity("Pa", (0.0, 1e9), "pressure per contraction of the walls")
+        ...     def pressure(self, force, contraction):
+        ...         return self.per_force * force * (1.0 + 4.0 * contraction) + self.stiffening * contraction
+        ...     def length_range(self):
+        ...         return 0.7 * self.rest_length, self.rest_length
+        >>> law = Published(per_force=3000.0, stiffening=5e5, rest_length=0.3)
+        >>> round(float(law.pressure(law.braid_tension(0.27, 3e5), 0.1)))
+        300000
+    """
+
+    rest_length: Scalar = quantity("m", (1e-3, 10.0), "rest length, at which the contraction is zero", symbol="L0")
+    rest_volume: Scalar = quantity("m^3", (1e-8, 1.0), "gas volume at the rest length", symbol="V0", default=1e-4)
+
+    @abc.abstractmethod
+    def pressure(self, force: Scalar, contraction: Scalar) -> Scalar:
+        """Gauge pressure that a force [N] needs at a contraction [1], as published [Pa]."""
+
+    def elastic_tension(self, length: Scalar) -> Scalar:
+        """Force that needs no pressure [N]."""
+        return _force_for(self, 1.0 - length / self.rest_length, 0.0 * length)
+
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Work of the gas from the rest length on, and that of the volume there [J]."""
+        contraction = 1.0 - length / self.rest_length
+        added: Scalar = 0.0 * contraction
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            at = 0.5 * contraction * (1.0 + node)
+            added = added + 0.5 * weight * (_force_for(self, at, pressure) - _force_for(self, at, 0.0 * pressure))
+        return pressure * self.rest_volume + self.rest_length * contraction * added
+
+
+def _force_for(law: PressureLaw, contraction: Scalar, pressure: Scalar) -> Scalar:
+    force: Scalar = 0.0 * (contraction + pressure)
+    for _ in range(_STEPS):
+        slope = derivative(lambda x: law.pressure(x, contraction), force)
+        force = force + (pressure - law.pressure(force, contraction)) / slope
+    return force
+
+
 def law_name(law: object) -> str:
     """The name under which a law is addressed: that of its registration, such as ``my.py:MyLaw``, or its module's."""
     kind = law if isinstance(law, type) else type(law)

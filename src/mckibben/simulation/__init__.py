@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .mechanisms import Plate as Plate
     from .mechanisms import Spring as Spring
     from .mechanisms import Weight as Weight
+    from .readouts import Readout as Readout
     from .simulation import Simulation as Simulation
     from .stepping import SimulationState as SimulationState
 
@@ -36,6 +37,7 @@ lazy_names(
         "fit": ["SimulationFit"],
         "linear": ["SampledModel"],
         "mechanisms": ["Chain", "Joint", "Link", "Mechanism", "Plate", "Spring", "Weight"],
+        "readouts": ["Readout"],
         "simulation": ["Simulation"],
         "stepping": ["SimulationState"],
     },

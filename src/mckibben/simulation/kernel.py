@@ -28,6 +28,7 @@ from ..engine.soundness import SOUND, Soundness, unsound_sentence
 from ..errors import ConvergenceError
 from .air import AirCircuit
 from .mechanisms import Mechanism, StartPressure
+from .readouts import ReadoutLines
 from .stepping import (
     BEHIND,
     CommandedMachine,
@@ -424,6 +425,7 @@ class SteppedSimulation(abc.ABC):
     command_entries: dict[str, tuple[int, float, float]]
     Observation: Any
     noise: np.ndarray | None
+    readouts: ReadoutLines
     programs: Programs
     parameters: np.ndarray
     period: float

@@ -40,6 +40,7 @@ from .fit import Free, SimulationFit, Train, fit
 from .kernel import Programs, SampleKernel, SteppedSimulation
 from .linear import SampledModel, linearise
 from .mechanisms import Amount, Mechanism, StartPressure, in_si, published
+from .readouts import Readout, ReadoutLines
 from .recorded import described, record
 from .rollout import Rollout
 from .stepping import (
@@ -70,6 +71,9 @@ class Simulation(SteppedSimulation):
         period: period of the samples, during which commands hold [s].
         step: largest step of the physics [s]; shortened so that a whole number fits a period, and where a mode asks for it.
         noise: standard deviation of the noise on fields of the observation, by field [SI]; none by default.
+        readouts: how fields of the observation are read, by field: rounded, by a median, late, see `Readout`; as they are by
+            default.
+        limits: for commands the smallest and the largest value that acts, [SI] or in words; none by default.
         title: title of recordings; names the mechanism and its muscles by default.
 
     Attributes:
@@ -99,6 +103,8 @@ class Simulation(SteppedSimulation):
         period: Amount = 2e-3,
         step: Amount = STEP,
         noise: Mapping[str, float] | None = None,
+        readouts: Mapping[str, Readout] | None = None,
+        limits: Mapping[str, tuple[Amount, Amount]] | None = None,
         title: str = "",
     ) -> None:
         if not isinstance(system, Mechanism):
@@ -114,13 +120,15 @@ class Simulation(SteppedSimulation):
         said += [*self.air.cautions, *system.cautions(units)]
         self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
         self.title = title or f"{type(system).__name__} with {' and '.join(units)}"
-        self.drives: tuple[CommandInput, ...] = (*self.air.drives, *system.drives(units))
+        self.drives = _limited((*self.air.drives, *system.drives(units)), limits or {})
         self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
         self.noise = self._checked_noise(noise or {})
         said += self._noise_cautions(noise or {})
+        units_of = {name: described(output)[0] for name, output in self.plant.shown}
+        self.readouts = ReadoutLines(readouts or {}, units_of, self.period)
         self.depth = self._depth()
         example = self._carry(self._start_pressures, self.start_commands())
         self.programs = Programs(self.plant, example, self.commands)
@@ -150,7 +158,10 @@ class Simulation(SteppedSimulation):
         system = f"{type(self.system).__name__} with {muscles}, {timing}"
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
         cautions = f"; {len(self.cautions)} cautions" if self.cautions else ""
-        return f"Simulation({system}: {', '.join(self.commands)}; assumed: {assumed}{cautions})"
+        limits = {d.command: d.limits for d in self.drives if d.limits is not None}
+        read = f"; readouts: {self.readouts.stated}" if self.readouts else ""
+        read += f"; limits: {limits}" if limits else ""
+        return f"Simulation({system}: {', '.join(self.commands)}{read}; assumed: {assumed}{cautions})"
 
     def _attach(self) -> None:
         """See the commands and the observation in the kernel's own memory."""
@@ -180,6 +191,11 @@ class Simulation(SteppedSimulation):
         """Since the reset [s]."""
         return self._sample * self.period
 
+    @property
+    def truth(self) -> Any:
+        """The present observation as it is, without noise and readouts."""
+        return self._make((self._sample * self.period, *self._seen.tolist()[: self._fields]))
+
     def reset(self, seed: int = 0, *, pressure: StartPressure | None = None, **commands: float) -> Any:
         """Begin at rest: friction relaxed, every braid in balance, commands as they lasted before.
 
@@ -205,8 +221,15 @@ class Simulation(SteppedSimulation):
         self._random = noise_generator(seed)
         vector = np.array([first[name] for name in self.commands])
         shown = self._with_noise(observed[:-BEHIND].tolist()) if self.noise is not None else []
-        noise = self._random.bit_generator.state
-        return self._go_on_from(SimulationState(0, carry, observed, tuple(shown), vector, noise, self.fingerprint))
+        if self.readouts:
+            shown = self.readouts.reset(shown or observed[:-BEHIND].tolist())
+        return self._go_on_from(self._state(0, carry, observed, shown, vector))
+
+    def _state(
+        self, sample: int, carry: np.ndarray, observed: np.ndarray, shown: Sequence[float], commands: np.ndarray
+    ) -> SimulationState:
+        noise, lines = self._random.bit_generator.state, tuple(map(tuple, self.readouts.lines))
+        return SimulationState(sample, carry, observed, tuple(shown), commands, noise, self.fingerprint, lines)
 
     def step(self, *unnamed: float, **commands: float) -> Tree:
         """Hold commands for one period and go on to its end; a command that is left out stays as it was.
@@ -246,6 +269,9 @@ class Simulation(SteppedSimulation):
         numbers: list[float] = self._seen.tolist()[: self._fields]
         if self.noise is not None:
             numbers = self._with_noise(numbers)
+        if self.readouts:
+            numbers = self.readouts.read(numbers)
+        if self.noise is not None or self.readouts:
             self._sensed.append(numbers)
         return self._make((self._sample * self.period, *numbers))
 
@@ -259,14 +285,9 @@ class Simulation(SteppedSimulation):
         if self._begin is None:
             self.reset()
         kernel = self._kernel
-        return SimulationState(
-            self._sample,
-            kernel.carry.copy(),
-            np.array(kernel.observation),
-            tuple(self._sensed[-1] if self._sensed else ()),
-            np.array(kernel.commands),
-            self._random.bit_generator.state,
-            self.fingerprint,
+        shown = self._sensed[-1] if self._sensed else ()
+        return self._state(
+            self._sample, kernel.carry.copy(), np.array(kernel.observation), shown, np.array(kernel.commands)
         )
 
     def load_state(self, state: SimulationState) -> Any:
@@ -287,6 +308,7 @@ class Simulation(SteppedSimulation):
         self._kernel.set_carry(state.carry, state.observed)
         self._kernel.commands[:] = state.commands
         self._random.bit_generator.state = dict(state.noise)
+        self.readouts.lines = [list(line) for line in state.lines]
         self._log, self._sensed = [], [list(state.shown)] if state.shown else []
         return self._make((self._sample * self.period, *(state.shown or state.observed[:-BEHIND].tolist())))
 
@@ -591,6 +613,7 @@ class Simulation(SteppedSimulation):
         """The same with parameters that have the type and shape of those that they replace [SI]."""
         other = object.__new__(Simulation)
         other.__dict__.update(self.__dict__)
+        other.readouts = self.readouts.copy()
         other._use(paths.put(self.machine, changes))
         return other
 
@@ -614,6 +637,21 @@ def _whole_steps(period: float, step: float) -> int:
         problem = f"must be {with_unit(period / MOST_STEPS, 's')} or more at a period of {with_unit(period, 's')}"
         raise InputError("step", with_unit(step, "s"), f"{problem}: a period takes at most {MOST_STEPS:,} steps")
     return max(1, math.ceil(period / step - 1e-9))
+
+
+def _limited(drives: tuple[CommandInput, ...], limits: Mapping[str, tuple[Amount, Amount]]) -> tuple[CommandInput, ...]:
+    """Commands with the limits within which they are held."""
+    units, held = {d.command: d.unit for d in drives}, dict[str, tuple[float, float]]()
+    for name, pair in named_values(limits, "limits").items():
+        if name not in units:
+            raise InputError("limits", name, known=units)
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise InputError(f"limits of {name}", str(pair), "must be a pair, the smallest and the largest value")
+        low, high = (in_si(one, units[name], f"limits of {name}") for one in pair)
+        if not low < high:
+            raise InputError(f"limits of {name}", str(pair), "must be the smallest and then the largest value")
+        held[name] = low, high
+    return tuple(d._replace(limits=held.get(d.command)) for d in drives)
 
 
 def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str, str], ...]:
