@@ -164,4 +164,3 @@ def test_a_record_of_another_clock_or_without_commands_is_refused():
         bench().fit(record(), {"load.mass": None}, channels={"position": "laser"})
     with pytest.raises(InputError, match="two samples"):
         bench().fit(record(), {"load.mass": None}, train=slice(0, 1))
-

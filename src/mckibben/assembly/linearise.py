@@ -171,9 +171,9 @@ def linearise(
     moving = _moving(machine, state, states)
     columns = [n + end for n in inputs_by_name for end in ("", RATE_SUFFIX)]
     into, through = np.array(b), np.array(d)
-    acts = into.any(axis=0) | through.any(axis=0)
-    for name, acting in zip(inputs_by_name, acts.reshape(-1, 2).any(axis=1), strict=True):
-        if not acting:
+    acts = [bool(np.any(into[:, i]) or np.any(through[:, i])) for i in range(len(columns))]
+    for k, name in enumerate(inputs_by_name):
+        if not (acts[2 * k] or acts[2 * k + 1]):
             raise _idle_input(name, inputs)
     kept = [i for i in range(len(columns)) if i % 2 == 0 or acts[i]]
     model_names = Names(tuple(states[i] for i in moving), tuple(columns[i] for i in kept), tuple(outputs))

@@ -303,7 +303,7 @@ class TensionLaw(Module):
         """
         tension, span = _together(tension, span)
         fixed = jax.lax.stop_gradient(tension)
-        step = jnp.broadcast_to(jax.lax.stop_gradient(jnp.asarray(highest, float)) / LOOKS, tension.shape)
+        step = jnp.broadcast_to(jax.lax.stop_gradient(jnp.asarray(highest, float)) / LOOKS, jnp.shape(tension))
         law, at = jax.lax.stop_gradient((self, span))
         begin = law.tension(at, jnp.zeros_like(at)) - fixed
 

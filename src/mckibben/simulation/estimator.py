@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,13 +28,12 @@ from ..errors import ConvergenceError, InputError
 from ..estimation import NORMAL_QUANTILE, Estimate
 from ..muscles.evidence import make_spread
 from ..quantities import declared, parse
+from .batch import SimulationBatch
 from .fit import find_parameters
+from .kernel import SteppedSimulation
 from .mechanisms import Amount, StartPressure, in_si, published
 from .recorded import described
 from .stepping import BEHIND, noise_generator, unnamed_command
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
 
 LANES = 128
 LOADS = ("N", "N*m")  # units of the commands that are loads
@@ -89,7 +88,7 @@ class Estimator:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: SteppedSimulation,
         measured: Sequence[str],
         unknown: Sequence[str] | Mapping[str, Amount],
         *,
@@ -214,7 +213,7 @@ class Estimator:
         ):
             changes[path] = np.clip(value * np.exp(row), *ends)
         self._parameters = np.array([*changes.values()]).reshape(-1, self.lanes)
-        batch = self.simulation.batch(self.lanes, changes)
+        batch = SimulationBatch(self.simulation, self.lanes, changes)
         batch.reset(seed, pressure=pressure)
         self._kernel, self._time = batch.kernel, 0.0
         first = BEGIN * np.array([[*self.loads.values()]]).reshape(-1, 1)
@@ -331,7 +330,7 @@ class Estimator:
         return Estimated(make(self._time, *mean.tolist()), low, high, unknown)
 
 
-def _number(simulation: Simulation, name: str) -> str:
+def _number(simulation: SteppedSimulation, name: str) -> str:
     """The path of a parameter that is one number."""
     path, *more = find_parameters(simulation.machine, name, "spread")
     if more or np.ndim(paths.get(simulation.machine, path)):

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,15 +23,14 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
-from ..estimation import Estimate, Estimation, Parameter, Search, at_bounds, conclude
+from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude
 from ..quantities import named_values, with_unit
 from ..recordings.recording import Recording
+from .batch import SimulationBatch
+from .kernel import SteppedSimulation
 from .mechanisms import Amount, in_si
 from .recorded import described
 from .stepping import BEHIND
-
-if TYPE_CHECKING:
-    from .simulation import Simulation
 
 Free = Mapping[str, tuple[Amount, Amount] | None]
 Train = slice | tuple[Amount, Amount] | np.ndarray | None
@@ -63,7 +62,7 @@ class SimulationFit(Answer):
 
     Attributes:
         estimates: parameters with their 95 % intervals [SI], by the names by which they were freed.
-        simulation: with the fitted parameters.
+        simulation: a `Simulation` with the fitted parameters.
         errors: of every field that was compared.
         correlation: of the parameters (p, p).
         converged: whether the search came to its end.
@@ -73,7 +72,7 @@ class SimulationFit(Answer):
     """
 
     estimates: Mapping[str, Estimate]
-    simulation: Simulation
+    simulation: Any
     errors: tuple[FieldError, ...]
     correlation: np.ndarray
     converged: bool
@@ -147,7 +146,7 @@ class _Drive(NamedTuple):
     @classmethod
     def of(
         cls,
-        simulation: Simulation,
+        simulation: SteppedSimulation,
         record: Recording,
         channels: Mapping[str, str] | None,
         settle: Amount | None,
@@ -192,10 +191,10 @@ class _Drive(NamedTuple):
         return cls(rows, pressure, held, round(rest / period))
 
     def predict(
-        self, simulation: Simulation, changes: Mapping[str, np.ndarray], samples: int, lanes: int
+        self, simulation: SteppedSimulation, changes: Mapping[str, np.ndarray], samples: int, lanes: int
     ) -> np.ndarray:
         """Observations (samples, fields, lanes) of lanes whose parameters differ; NaN from where one cannot go on."""
-        batch = simulation.batch(lanes, changes)
+        batch = SimulationBatch(simulation, lanes, changes)
         batch.reset(pressure=self.pressure or None)
         kernel, fields = batch.kernel, len(simulation.programs.fields)
         seen, lost = np.empty((samples, fields, lanes)), np.zeros(lanes, bool)
@@ -213,7 +212,7 @@ class _Drive(NamedTuple):
         return seen
 
 
-def _sensors(simulation: Simulation, field: str) -> list[str]:
+def _sensors(simulation: SteppedSimulation, field: str) -> list[str]:
     """Names that a channel of a field may have: as measured, or true."""
     return [f"measured.{field}", field, described(dict(simulation.plant.shown)[field])[1]]
 
@@ -283,7 +282,7 @@ def find_parameters(machine: Machine, name: str, argument: str, others: Sequence
 class _Unknowns:
     """Free parameters: their places in the machine, and how they are searched."""
 
-    def __init__(self, simulation: Simulation, free: Free) -> None:
+    def __init__(self, simulation: SteppedSimulation, free: Free) -> None:
         self.simulation = simulation
         self.places: dict[str, list[str]] = {}
         self.parameters: dict[str, Parameter] = {}
@@ -338,8 +337,76 @@ class _Unknowns:
         return np.array([p.value(row) for p, row in zip(self.parameters.values(), x, strict=True)])
 
 
+class _Comparison:
+    """What is compared: errors of a simulation beside the samples that are shown, and their derivatives."""
+
+    def __init__(
+        self, unknowns: _Unknowns, drive: _Drive, record: Recording, sensors: Mapping[str, str], shown: np.ndarray
+    ):
+        self.unknowns, self.drive, self.simulation, self.runs = unknowns, drive, unknowns.simulation, 0
+        # nothing behind the last sample that is shown is computed, or read
+        self.last = int(np.flatnonzero(shown)[-1]) + 1
+        self.target = {name: record[channel][: self.last] for name, channel in sensors.items()}
+        self.used = {name: shown[: self.last] & np.isfinite(values) for name, values in self.target.items()}
+        for name, mask in self.used.items():
+            if mask.sum() < 2:
+                raise InputError(
+                    "record", None, f"{sensors[name]} has no two finite samples among those that are shown"
+                )
+        self.spread = {name: float(np.std(v[self.used[name]])) or 1.0 for name, v in self.target.items()}
+        self.weights = dict(self.spread)
+        self.progress: Callable[[str], None] | None = None
+        self.errors = functools.lru_cache(maxsize=4)(self._errors)
+
+    def _errors(self, key: bytes) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Errors by field [SI] (n,), and their derivatives by the scaled parameters (n, p), at parameters as bytes."""
+        self.runs += 1
+        unknowns, x = self.unknowns, np.frombuffer(key)
+        p, (low, high) = len(x), bounds_of(unknowns.parameters)
+        ends = np.clip(x[:, None] + STEP, None, high[:, None]), np.clip(x[:, None] - STEP, low[:, None], None)
+        at = np.repeat(x[:, None], 2 * p + 1, axis=1)
+        for side, values in enumerate(ends):
+            at[np.arange(p), 1 + side * p + np.arange(p)] = values[:, 0]
+        values = unknowns.values(at)
+        seen = self.drive.predict(self.simulation, unknowns.changes(values), self.last, 2 * p + 1)
+        off, slopes = {}, {}
+        for name, used in self.used.items():
+            rows = seen[:, self.simulation.programs.fields.index(name)]
+            if any(sensor.startswith(f"{name}.") for sensor in unknowns.sensors):
+                lanes = [dict(zip(unknowns.parameters, lane, strict=True)) for lane in values.T.tolist()]
+                sensed = (_sensed(r, name, s, self.simulation.period) for r, s in zip(rows.T, lanes, strict=True))
+                rows = np.stack([*sensed], axis=1)
+            rows = rows[used]
+            off[name] = np.nan_to_num(rows[:, 0] - self.target[name][used], nan=LOST * self.spread[name])
+            slopes[name] = np.nan_to_num((rows[:, 1 : p + 1] - rows[:, p + 1 :]) / (ends[0] - ends[1])[:, 0])
+        if self.progress is not None:
+            self.progress(f"run {self.runs}: " + ", ".join(f"{n} {_rms(v):.4g}" for n, v in off.items()))
+        return off, slopes
+
+    def weighted(self, x: np.ndarray, which: int) -> np.ndarray:
+        """Errors over their sizes, or their derivatives, of all fields one after the other."""
+        return np.concatenate([v / self.weights[name] for name, v in self.errors(x.tobytes())[which].items()])
+
+    def search(self, evaluations: int) -> Descent:
+        """The least squares of all fields, each by the error that it is left with at the end."""
+        parameters = self.unknowns.parameters
+        start = np.array([q.scaled(q.start) for q in parameters.values()])
+        options = {"max_nfev": evaluations, "xtol": 1e-6, "ftol": 1e-6, "gtol": 1e-12}
+        residual, jacobian = (functools.partial(self.weighted, which=k) for k in range(2))
+        estimation = Estimation(parameters, residual, jacobian, margin=2.0 * STEP, options=options)
+        if _rms(residual(start)) >= LOST:
+            raise ConvergenceError("The simulation cannot go through the record with its parameters as they are.")
+        best = estimation.search([start])
+        if len(self.target) > 1:
+            # so that intervals are those of the noise of each field
+            off, _ = self.errors(best.x.tobytes())
+            self.weights |= {name: max(_rms(v), LEAST * self.spread[name]) for name, v in off.items()}
+            best = estimation.search([best.x])._replace(start=start)
+        return best
+
+
 def fit(
-    simulation: Simulation,
+    simulation: SteppedSimulation,
     record: Recording,
     free: Free,
     *,
@@ -352,91 +419,45 @@ def fit(
 ) -> SimulationFit:
     """Fit a simulation to a record; see `Simulation.fit`."""
     if not isinstance(record, Recording):
-        raise InputError(
-            "record", type(record).__name__, "must be a Recording, such as mk.load or sim.recording() gives"
-        )
+        raise InputError("record", type(record).__name__, "must be a Recording, as mk.load or sim.recording() gives it")
     unknowns, shown = _Unknowns(simulation, free), _samples_of(train, record.time)
-    sensors = _compared(simulation, record, measured, channels)
+    sensors, parameters = _compared(simulation, record, measured, channels), unknowns.parameters
     drive = _Drive.of(simulation, record, channels, settle, shown)
-    fields = simulation.programs.fields
-    # nothing behind the last sample that is shown is computed, or read
-    last = int(np.flatnonzero(shown)[-1]) + 1
-    target = {name: record[channel][:last] for name, channel in sensors.items()}
-    used = {name: shown[:last] & np.isfinite(values) for name, values in target.items()}
-    for name, mask in used.items():
-        if mask.sum() < 2:
-            raise InputError("record", None, f"{sensors[name]} has no two finite samples among those that are shown")
-    spread = {name: float(np.std(values[used[name]])) or 1.0 for name, values in target.items()}
-    weights = dict(spread)
-    p, runs = len(unknowns.parameters), 0
-
-    @functools.lru_cache(maxsize=4)
-    def evaluate(key: bytes) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Errors by field [SI] (n,), and their derivatives by the scaled parameters (n, p)."""
-        nonlocal runs
-        runs += 1
-        x = np.frombuffer(key)
-        steps = np.concatenate([np.zeros((p, 1)), STEP * np.eye(p), -STEP * np.eye(p)], axis=1)
-        values = unknowns.values(x[:, None] + steps)
-        seen = drive.predict(simulation, unknowns.changes(values), last, 2 * p + 1)
-        off, slopes = {}, {}
-        for name in sensors:
-            rows = seen[:, fields.index(name)]
-            if any(sensor.startswith(f"{name}.") for sensor in unknowns.sensors):
-                lanes = ({n: v[k] for n, v in zip(unknowns.parameters, values, strict=True)} for k in range(2 * p + 1))
-                rows = np.stack(
-                    [_sensed(r, name, s, simulation.period) for r, s in zip(rows.T, lanes, strict=True)], axis=1
-                )
-            rows = rows[used[name]]
-            off[name] = np.nan_to_num(rows[:, 0] - target[name][used[name]], nan=LOST * spread[name])
-            slopes[name] = np.nan_to_num((rows[:, 1 : p + 1] - rows[:, p + 1 :]) / (2.0 * STEP))
-        if progress is not None:
-            progress(f"run {runs}: " + ", ".join(f"{n} {_rms(v):.4g}" for n, v in off.items()))
-        return off, slopes
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([values / weights[name] for name, values in evaluate(x.tobytes())[0].items()])
-
-    def jacobian(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([values / weights[name] for name, values in evaluate(x.tobytes())[1].items()])
-
-    options = {"max_nfev": evaluations, "xtol": 1e-6, "ftol": 1e-6, "gtol": 1e-12}
-    estimation = Estimation(unknowns.parameters, residual, jacobian, margin=2.0 * STEP, options=options)
-    start = np.array([q.scaled(q.start) for q in unknowns.parameters.values()])
-    if _rms(residual(start)) >= LOST:
-        raise ConvergenceError("The simulation cannot go through the record with its parameters as they are.")
-    best = estimation.search([start])
-    if len(sensors) > 1:
-        # each field by the error that it is left with, so that intervals are those of its own noise
-        weights |= {n: max(_rms(v), LEAST * spread[n]) for n, v in evaluate(best.x.tobytes())[0].items()}
-        best = estimation.search([best.x])._replace(start=start)
-    off, _ = evaluate(best.x.tobytes())
-    series = [values / weights[name] for name, values in off.items()]
+    comparison = _Comparison(unknowns, drive, record, sensors, shown)
+    comparison.progress = progress
+    best = comparison.search(evaluations)
+    off, _ = comparison.errors(best.x.tobytes())
     known = conclude(
-        unknowns.parameters, best, jacobian(best.x), residual(best.x), subject="the record", series=series, within=True
+        parameters,
+        best,
+        comparison.weighted(best.x, 1),
+        comparison.weighted(best.x, 0),
+        subject="the record",
+        series=[values / comparison.weights[name] for name, values in off.items()],
+        within=True,
     )
     said = [Caution(warning) for warning in known.warnings]
-    said += [Caution(f"{name} ended at a bound", name) for name in at_bounds(unknowns.parameters, best.x)]
-    for name, half, q in zip(unknowns.parameters, known.half, unknowns.parameters.values(), strict=True):
+    said += [Caution(f"{name} ended at a bound", name) for name in at_bounds(parameters, best.x)]
+    for (name, q), half in zip(parameters.items(), known.half, strict=True):
         if half > LOOSE and q.search == "log":
             said.append(Caution(f"the record hardly determines {name}", name))
     if not best.converged:
         said.append(Caution(f"the search did not converge: {best.message}"))
     values = unknowns.values(best.x[:, None])
     fitted = simulation.with_arrays({path: row[..., 0] for path, row in unknowns.changes(values).items()})
-    lag = {name: float(v[0]) for name, v in zip(unknowns.parameters, values, strict=True)}
     whole = drive.predict(fitted, {}, len(record.time), 1)[:, :, 0]
     errors = []
     for name, channel in sensors.items():
-        error = _sensed(whole[:, fields.index(name)], name, lag, simulation.period) - record[channel]
+        seen = whole[:, simulation.programs.fields.index(name)]
+        lag = dict(zip(parameters, values[:, 0].tolist(), strict=True))
+        error = _sensed(seen, name, lag, simulation.period) - record[channel]
         unit = described(dict(simulation.plant.shown)[name])[0]
         for which in (True, False):
             some = error[(shown == which) & np.isfinite(record[channel])]
             if some.size:
                 errors.append(FieldError(name, unit, which, some.size, _rms(some), float(np.abs(some).max())))
-    return SimulationFit(
-        known.parameters, fitted, tuple(errors), known.correlation, best.converged, best.message, runs, collect(*said)
-    )
+    rest = known.correlation, best.converged, best.message, comparison.runs, collect(*said)
+    return SimulationFit(known.parameters, fitted, tuple(errors), *rest)
 
 
 def _rms(values: np.ndarray) -> float:
@@ -444,7 +465,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _compared(
-    simulation: Simulation, record: Recording, measured: Sequence[str] | None, channels: Mapping[str, str] | None
+    simulation: SteppedSimulation, record: Recording, measured: Sequence[str] | None, channels: Mapping[str, str] | None
 ) -> dict[str, str]:
     """The channel of each field that is compared: of those asked for, else all that were measured, else all there are."""
     fields = simulation.programs.fields

@@ -63,11 +63,11 @@ class SampledModel(Answer):
         states: names of the states that inputs move and outputs show.
         inputs: names of the commands.
         outputs: names of the fields of the observation.
-        units: SI units of inputs and outputs, by name.
+        units_of: SI units of inputs and outputs, by name.
         commands: at the operating point, by input [SI].
         values: of the outputs there [SI].
         amplitudes: of the inputs for which the gain holds [SI].
-        friction: whether contacts are ``stuck``, springs as in small motion, or ``held``, their force constant.
+        friction: whether friction and creep are ``stuck``, springs as in small motion, or ``held``, their force constant.
         cautions: kinks, and motion of its own, about this point.
     """
 
@@ -198,7 +198,7 @@ class SampledModel(Answer):
         """For which amplitude the gain holds, and what friction does."""
         at = ", ".join(f"{with_unit(a, self.units_of[name])} of {name}" for name, a in self.amplitudes.items())
         motion = "springs, as in motion within their yield travel" if self.friction == "stuck" else "constant forces"
-        return [f"The gain is the describing function at an amplitude of {at}; contacts of friction are {motion}."]
+        return [f"The gain is the describing function at an amplitude of {at}; friction and creep are {motion}."]
 
 
 def linearise(
@@ -234,17 +234,8 @@ def linearise(
         size = with_unit(amplitudes[idle[0]], _unit(simulation, idle[0]))
         raise InputError("inputs", idle[0], f"moves nothing by {size} about this point: give a larger amplitude{would}")
 
-    # the air with the amplitude that commands give it, all else with a small share of it
-    past = [name.removeprefix("past ").rpartition(" ")[0] if name.startswith("past ") else "" for name in names]
-    for k, signal in enumerate(past):
-        drives = [d.command for d in simulation.drives if d.signal == signal]
-        if drives:
-            ranges[k] = amplitudes[drives[0]]
-    chamber = np.array([name.startswith(("circuit.mass.", "circuit.pressure.")) for name in names])
-    ranges = np.where(chamber, np.minimum(ranges, CHAMBER * np.abs(x)), ranges)
-    floor = np.maximum(1e-6 * np.abs(x), 1e-9)
     air = np.array([name.startswith(("circuit.", "memory.circuit.", "past ")) for name in names])
-    steps = np.where(air, np.maximum(ranges, floor), np.maximum(SMALL * ranges, floor))
+    steps = _steps(simulation, x, names, air, ranges, amplitudes)
     steps = np.concatenate([steps, [amplitudes[name] for name in chosen]])
     # a tied muscle that is taut has no state of its own
     taut = np.array([name.endswith(".sag") and value <= 0.0 for name, value in zip(names, x, strict=True)])
@@ -260,17 +251,9 @@ def linearise(
     units |= {name: described(output)[0] for name, output in simulation.plant.shown}
     held = dict(zip(commands, state.commands.tolist(), strict=True))
     states = tuple(names[free[k]] for k in kept)
-    said, sources = [], [*names, *chosen]
-    kinks = [k for k in kinks if k[0] >= len(x) or (air[k[0]] and sources[k[0]] in states)]
-    if kinks:
-        column, row, rise = max(kinks, key=lambda kink: abs(math.log(max(abs(kink[2]), 1e-9))))
-        said.append(
-            Caution(
-                f"a rise of {sources[column]} moves {names[row]} {rise:.3g} times as much as a fall: "
-                "the gain is the describing function of both sides",
-                "amplitude",
-            )
-        )
+    said = [
+        _kink_caution([*names, *chosen], [k for k in kinks if k[0] >= len(x) or (air[k[0]] and names[k[0]] in states)])
+    ]
     if drift > ADRIFT:
         said.append(
             Caution(
@@ -284,6 +267,34 @@ def linearise(
         commands={name: held[name] for name in chosen}, values={name: observed[name] for name in shown},
         amplitudes={name: amplitudes[name] for name in chosen}, friction=friction, cautions=collect(*said),
     )  # fmt: skip
+
+
+def _steps(
+    simulation: SteppedSimulation,
+    x: np.ndarray,
+    names: Sequence[str],
+    air: np.ndarray,
+    ranges: np.ndarray,
+    amplitudes: Mapping[str, float],
+) -> np.ndarray:
+    """Amplitude of each number (n,): of the air that which commands give it, of all else a small share of it."""
+    chamber = np.array([name.startswith(("circuit.mass.", "circuit.pressure.")) for name in names])
+    ranges = np.where(chamber, np.minimum(ranges, CHAMBER * np.abs(x)), ranges)
+    command = {drive.signal: drive.command for drive in simulation.drives}
+    for k, name in enumerate(names):
+        signal = name.removeprefix("past ").rpartition(" ")[0]
+        if name.startswith("past ") and signal in command:
+            ranges[k] = amplitudes[command[signal]]
+    return np.asarray(np.maximum(np.where(air, 1.0, SMALL) * ranges, np.maximum(1e-6 * np.abs(x), 1e-9)))
+
+
+def _kink_caution(names: Sequence[str], kinks: Sequence[tuple[int, int, float]]) -> Caution | None:
+    """What to say of the worst kink; None where there is none."""
+    if not kinks:
+        return None
+    column, row, rise = max(kinks, key=lambda kink: abs(math.log(max(abs(kink[2]), 1e-9))))
+    words = f"a rise of {names[column]} moves {names[row]} {rise:.3g} times as much as a fall"
+    return Caution(f"{words}: the gain is the describing function of both sides", "amplitude")
 
 
 def _unit(simulation: SteppedSimulation, command: str) -> str:

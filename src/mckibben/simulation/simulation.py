@@ -372,7 +372,7 @@ class Simulation(SteppedSimulation):
             outputs: fields of the observation; all by default.
             amplitude: of the inputs [SI, or words with a unit], one or by input; by default 0.1 bar, a tenth of a valve's
                 stroke, 1 N, 0.02 N m, 0.1 mm.
-            friction: ``stuck``, each contact a spring as in small motion, or ``held``, its force constant.
+            friction: ``stuck``, friction and creep as springs, as in small motion, or ``held``, their force constant.
 
         Raises:
             InputError: names what is no command or field, or a command that moves nothing at this amplitude.
