@@ -284,6 +284,11 @@ CALLS: dict[str, list[Call]] = {
     "record frequency": [
         Call(("loop.nc", "--input", "span", "--output", "tension", "--out", "response.svg"), ["response.svg"])
     ],
+    "record loops": [Call(("loop.nc",))],
+    "record work": [Call(("loop.nc", "--json"))],
+    "record stiffness": [Call(("loop.nc",))],
+    "record steps": [Call(("lever.ddf",))],
+    "record leak": [Call(("loop.nc", "--gas-volume", "100 ml"))],
     "record contraction": [Call(("--json", "lever.ddf"))],
     "record work-loops": [Call(("lever.ddf", "--cut", "peak"), says=("two peaks",))],
     "record repeatability": [Call(("loop.nc", "--out", "cycles.svg"), ["cycles.svg"])],

@@ -57,10 +57,16 @@ def _save_shown(answer: MuscleDescription, path: Path) -> None:
 show = VerbCommand(
     "studies.description:describe_muscle",
     OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN),
-    ("show nylon --out nylon.svg",),
+    ("show nylon --out nylon.svg", "show nylon --data-sheet nylon.html"),
     draw=_draw_law,
     writes={"specimen": _save_shown},
-)
+    written={
+        "data-sheet": Written(
+            REPORT, "Write a data sheet on one page, in the terms of makers' sheets, into this .html or .pdf file.",
+            lambda answer, path: answer.data_sheet(path),
+        )
+    },
+)  # fmt: skip
 
 
 def _save_braid(answer: BraidDescription, path: Path) -> None:
@@ -186,7 +192,7 @@ size = VerbCommand(
     writes={"specimen": _save_sized},
     written={
         "circuit": Written(
-            ".toml", "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
+            (".toml",), "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
         )
     },
     top=5,
@@ -566,6 +572,18 @@ record_frequency = VerbCommand(
     options=TIMES | {"source": "input", "target": "output"},
     draw=_draw_response,
 )
+ROLES = {name: f"{name}_channel" for name in ("length", "tension", "pressure", "command")}  # of channels
+
+
+def _question(name: str, *examples: str) -> VerbCommand:
+    return VerbCommand(f"analysis.questions:{name}", ANSWERED, examples, options=TIMES | ROLES)
+
+
+record_loops = _question("loops", "record loops loop.nc --skip 1", "record loops pulls.csv --tension-channel cell")
+record_work = _question("work", "record work loop.nc --out work.csv")
+record_stiffness = _question("stiffness", "record stiffness loop.nc")
+record_steps = _question("steps", "record steps steps.nc --command-channel valve.command")
+record_leak = _question("leak", "record leak shut.csv --gas-volume '200 ml' --from '40 s'")
 record_contraction = VerbCommand(
     "analysis.lever_answers:contraction",
     ANSWERED,

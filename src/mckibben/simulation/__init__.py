@@ -15,6 +15,9 @@ from .._lazy import lazy_names
 
 if TYPE_CHECKING:
     from .air import Air as Air
+    from .estimator import Estimator as Estimator
+    from .fit import SimulationFit as SimulationFit
+    from .linear import SampledModel as SampledModel
     from .mechanisms import Chain as Chain
     from .mechanisms import Joint as Joint
     from .mechanisms import Link as Link
@@ -30,6 +33,9 @@ lazy_names(
     __name__,
     {
         "air": ["Air"],
+        "estimator": ["Estimator"],
+        "fit": ["SimulationFit"],
+        "linear": ["SampledModel"],
         "mechanisms": ["Chain", "Joint", "Link", "Mechanism", "Plate", "Spring", "Weight"],
         "readouts": ["Readout"],
         "simulation": ["Simulation"],

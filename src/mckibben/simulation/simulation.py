@@ -35,7 +35,10 @@ from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
+from .estimator import LANES, Estimator
+from .fit import Free, SimulationFit, Train, fit
 from .kernel import Programs, SampleKernel, SteppedSimulation
+from .linear import SampledModel, linearise
 from .mechanisms import Amount, Mechanism, StartPressure, in_si, published
 from .readouts import Readout, ReadoutLines
 from .recorded import described, record
@@ -351,6 +354,126 @@ class Simulation(SteppedSimulation):
                 returns (commands, cost).
         """
         return Rollout(self, policy, steps, cost)
+
+    def linearise(
+        self,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        *,
+        amplitude: Amount | Mapping[str, Amount] | None = None,
+        friction: str = "stuck",
+    ) -> SampledModel:
+        """The linear model about the present moment on the clock of the samples, dead time included; see `SampledModel`.
+
+        A valve's gain at rest is that of a stated amplitude, by its describing function, and the answer says which.
+
+        Args:
+            inputs: commands; all by default.
+            outputs: fields of the observation; all by default.
+            amplitude: of the inputs [SI, or words with a unit], one or by input; by default 0.1 bar, a tenth of a valve's
+                stroke, 1 N, 0.02 N m, 0.1 mm.
+            friction: ``stuck``, each contact a spring as in small motion, or ``held``, its force constant.
+
+        Raises:
+            InputError: names what is no command or field, or a command that moves nothing at this amplitude.
+            ConvergenceError: the simulation cannot take a sample about this point.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+            >>> model = sim.linearise("muscle", "pressure", amplitude="0.1 bar")
+            >>> round(model.gain("muscle", "pressure"), 1)
+            1.0
+        """
+        return linearise(self, inputs, outputs, amplitude, friction)
+
+    def fit(
+        self,
+        record: Recording,
+        free: Free,
+        *,
+        train: Train = None,
+        measured: Sequence[str] | None = None,
+        channels: Mapping[str, str] | None = None,
+        settle: Amount | None = None,
+        evaluations: int = 30,
+        progress: Callable[[str], None] | None = None,
+    ) -> SimulationFit:
+        """Fit parameters of muscle, friction, creep, valve and load to a record of commands and sensors.
+
+        The simulation runs free under the recorded commands; every sample that is shown counts.
+
+        Args:
+            record: commands and sensors, sampled at the period of the simulation.
+            free: for each free parameter its bounds [SI, or words with a unit], None for those that it is declared with. A
+                name is a dotted path in `machine` or the end of one, such as ``"muscle.law.rest_diameter"``, a pattern with
+                ``*`` for one value of many, or a field of the observation with ``.delay`` or ``.offset`` for its sensor.
+                Numbers of an array, or that differ, are scaled together by a factor.
+            train: samples that the fit is shown: a slice, a pair of times from the first sample, or truth values (n,); all
+                by default. What is not shown moves no bit.
+            measured: fields of the observation that are compared; where left out those that were measured, else all.
+            channels: channels of commands and fields whose names differ from the simulation's.
+            settle: time at rest before the first sample [s]; 1 s by default, and none for what a simulation recorded from
+                its reset on.
+            evaluations: most runs of the record in each of the searches.
+            progress: called with a sentence after each run.
+
+        Raises:
+            InputError: names an unknown parameter, channel or field, or a parameter on which the record does not depend.
+            ConvergenceError: the simulation cannot go through the record, or the fit ended where it began.
+
+        Examples:
+            >>> import math
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Spring("nylon"), mk.Air(valve="regulator"), period="10 ms")
+            >>> real = sim.with_parameters({"load.stiffness": "2.5 N/mm"})
+            >>> for k in range(100):
+            ...     seen = real.step(muscle=2e5 + 1e5 * math.sin(0.2 * k))
+            >>> found = sim.fit(real.recording(), {"load.stiffness": ("1 N/mm", "5 N/mm")})
+            >>> round(found.estimates["load.stiffness"].value, 1)
+            2500.0
+        """
+        return fit(
+            self, record, free, train=train, measured=measured, channels=channels, settle=settle,
+            evaluations=evaluations, progress=progress,
+        )  # fmt: skip
+
+    def estimator(
+        self,
+        measured: Sequence[str] = ("pressure",),
+        unknown: Sequence[str] | Mapping[str, Amount] = ("load",),
+        *,
+        spread: Mapping[str, float | str] | None = None,
+        noise: Mapping[str, Amount] | None = None,
+        lanes: int = LANES,
+    ) -> Estimator:
+        """An observer that finds what no sensor shows, such as length and tension from the pressure alone; see `Estimator`.
+
+        Args:
+            measured: fields of the observation that sensors show.
+            unknown: commands that are unknown loads, ``load`` for all forces or moments from outside; perhaps each with its
+                standard deviation [SI, or words with a unit], a tenth of the tension at 5 bar where left out.
+            spread: relative standard deviations of parameters that differ from lane to lane, by path; by default what the
+                specimens say of muscles of their make, and none with ``{}``.
+            noise: standard deviations of the sensors [SI, or words with a unit]; those of the simulation by default.
+            lanes: how many.
+
+        Raises:
+            InputError: names an unknown field, load or parameter.
+
+        Examples:
+            >>> import warnings
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+            >>> observer, seen = sim.estimator(("pressure",), {"force": "5 N"}, lanes=32), sim.reset()
+            >>> known = observer.reset(pressure=seen.pressure)
+            >>> for _ in range(100):
+            ...     seen = sim.step(force=5.0)
+            ...     known = observer.step(pressure=seen.pressure)
+            >>> known.low.length < seen.length < known.high.length
+            True
+        """
+        return Estimator(self, measured, unknown, spread=spread, noise=noise, lanes=lanes)
 
     # ---- details
 
