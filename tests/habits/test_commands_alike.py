@@ -91,6 +91,7 @@ def test_options_of_one_name_take_one_kind_of_value():
         "--set", "--start", "--unit", "--column", "--free", "--input", "--output",  # paths of what the command is about
         "--for", "--predict", "--angle", "--figure", "--stiffness", "--channel", "--out", "--friction",
         "--reading",  # of a muscle, and of the papers
+        "--reference",  # of a calibration, and of a controller
     }, several  # fmt: skip
 
 

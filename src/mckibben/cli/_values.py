@@ -88,7 +88,7 @@ def plumbings() -> Iterator[tuple[str, str]]:
 
 def controllers() -> Iterator[tuple[str, str]]:
     """Names of the controllers that ship."""
-    from ..control.controllers import CONTROLLERS
+    from ..control.catalogue import CONTROLLERS
 
     yield from ((name, "") for name in CONTROLLERS)
 

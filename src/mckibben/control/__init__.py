@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .benches import Plant as Plant
     from .benches import control_task as control_task
     from .benches import unseen_plants as unseen_plants
-    from .controllers import CONTROLLERS as CONTROLLERS
+    from .catalogue import CONTROLLERS as CONTROLLERS
     from .controllers import PID as PID
     from .controllers import InverseControl as InverseControl
     from .controllers import IterativeLearning as IterativeLearning
@@ -31,7 +31,8 @@ lazy_names(
     __name__,
     {
         "benches": ["BENCHES", "Plant", "control_task", "unseen_plants"],
-        "controllers": ["CONTROLLERS", "PID", "InverseControl", "IterativeLearning"],
+        "catalogue": ["CONTROLLERS"],
+        "controllers": ["PID", "InverseControl", "IterativeLearning"],
         "lqi": ["LQI"],
         "predictive": ["PredictiveControl"],
         "references": ["REFERENCES"],

@@ -7,14 +7,13 @@ references are shaped to a rate that a muscle can follow before anything else se
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from .inverse import Inverse
 from .references import RateLimit
-from .task import Controller, ControlTask
+from .task import ControlTask
 
 SHAPED_TO = 80e-3 / 27e-3  # usual rate of shaped references, in ranges of the output per second [1/s]
 RANGES = {"m": 27e-3, "rad": 0.6}  # usual ranges of outputs [unit]
@@ -209,32 +208,3 @@ PID_GAINS = {"m": (3.0e7, 2.0e8, 0.0), "rad": (8.0e5, 8.0e6, 0.0)}
 LEADS = {"m": 0.09, "rad": 0.06}
 PI_GAINS = {"m": (0.08e8, 1.0e8), "rad": (4.0e5, 4.0e6)}
 LEARNING_GAINS = {"m": 0.6e7, "rad": 2.0e5}
-
-
-def _named(place: str, **options: Any) -> Callable[[ControlTask], Controller]:
-    """A controller by name, whose module is loaded when it is made."""
-
-    def make(task: ControlTask) -> Controller:
-        from . import lqi, predictive, published
-
-        later = (lqi.LQI, predictive.PredictiveControl, published.PublishedControl)
-        kinds = {**globals(), **{kind.__name__: kind for kind in later}}
-        made: Controller = kinds[place](task, **options)
-        return made
-
-    return make
-
-
-CONTROLLERS: dict[str, Callable[[ControlTask], Controller]] = {
-    "pid": _named("PID"),
-    "inverse": _named("InverseControl", memory=False),
-    "memory-inverse": _named("InverseControl"),
-    "memory-inverse-open": _named("InverseControl", feedback=False),
-    "lqi": _named("LQI"),
-    "lqi-memory": _named("LQI", memory=True),
-    "learning": _named("IterativeLearning"),
-    "mpc": _named("PredictiveControl"),
-    "published-feedforward": _named("PublishedControl", kind="feedforward"),
-    "published-pid": _named("PublishedControl", kind="pid"),
-    "published-lqi": _named("PublishedControl", kind="lqi"),
-}

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from ..simulation.batch import BatchState
 from .task import ControlTask
 
 
@@ -74,13 +73,7 @@ class PredictiveControl:
     def _better(self, wanted: np.ndarray) -> np.ndarray:
         """A better plan (preview,) [Pa], from the present state of the model."""
         task, lanes, (low, high) = self.task, self._lanes, self.task.limits
-        at, many = self._twin.save_state(), lanes.lanes
-        columns = (np.repeat(np.asarray(one)[:, None], many, 1) for one in (at.carry, at.observed, at.commands))
-        carry, observed, commands = columns
-        lanes.load_state(
-            BatchState(at.sample, carry, observed, observed[: len(task.model.plant.shown)], commands, at.noise,
-                       at.structure)
-        )  # fmt: skip
+        lanes.load_states(self._twin.save_state())
         present = self._plan[[int(np.argmax(self._block == j)) for j in range(self.moves)]]
         # towards the middle of the limits, where a move does something
         sizes = np.where(present > 0.5 * (low + high), -self.perturb, self.perturb)

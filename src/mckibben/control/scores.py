@@ -23,7 +23,7 @@ from ..registry import is_reference, load_reference, named_by_person
 from ..simulation import Simulation
 from ..verbs import Count, Duration, ParameterType, Seed, verb
 from .benches import PUBLISHED, VARIED, VOLT, ControlBench, Plant, control_task, find_bench, unseen_plants
-from .controllers import CONTROLLERS
+from .catalogue import CONTROLLERS
 from .references import HOLD, REFERENCES, SKIPPED, Reference
 from .task import Controller, ControlTask
 
