@@ -714,6 +714,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
+    "control": ("control", "Controllers by name, and the benches on which they are scored.", ["control.**"]),
     "hosts": ("hosts", "Muscles with their air as parts of other programs: the distribution `mckibben-hosts`, which `mckibben.hosts` stands for.", ["mckibben_hosts.**"]),
     "recordings": ("recordings", "Recordings and force maps.", ["recordings.**"]),
     "formats": ("formats", "Files of any program as plain tables of channels.", ["formats.**"]),

@@ -93,3 +93,24 @@ def test_a_lane_that_needs_shorter_steps_takes_them_alone():
         taken.append(max(steps))
         assert alone[1:] == tuple(values[lane] for values in seen[1:])
     assert min(taken) < max(taken)
+
+
+def test_lanes_go_on_from_moments_of_the_simulation_bit_for_bit():
+    sim = joint()
+    sim.reset(pressure="2 bar")
+    moments = []
+    for k in range(3):
+        driven(sim, 5, 5 * k)
+        moments.append(sim.save_state())
+    many = sim.batch(3)
+    many.load_states(moments)
+    for _ in range(5):
+        seen = many.step(**drive(40))
+    for lane, moment in enumerate(moments):
+        sim.load_state(moment)
+        for _ in range(5):
+            alone = sim.step(**drive(40))
+        assert alone[1:] == tuple(values[lane] for values in seen[1:])
+    assert many.load_states(moments[1]).angle.tolist() == [moments[1].observed[0]] * 3
+    with pytest.raises(InputError, match="one or 3"):
+        many.load_states(moments[:2])
