@@ -144,8 +144,8 @@ class RowPrediction:
     value: float
     spread: float
     told: bool
-    by: tuple[str, ...]
-    inputs: dict[str, tuple[float, float, str, float]]
+    by: tuple[str, ...] = field(repr=False)
+    inputs: dict[str, tuple[float, float, str, float]] = field(repr=False)
     needed: NeededInput | None
 
     def words(self, row: PrintedRow) -> str:
