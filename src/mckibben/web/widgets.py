@@ -196,13 +196,11 @@ def select(
     return one
 
 
-def check(words: str, on: bool, change: Callable[[bool], object], more: str = "") -> Element:
-    """Build a check box with a label, and more at the end of the line."""
+def check(words: str, on: bool, change: Callable[[bool], object]) -> Element:
+    """Build a check box with a label."""
     with box("label", "row") as one:
         box("input").set(type="checkbox", checked=on).on_value("change", lambda value: change(bool(value)))
         text("span", words)
-        if more:
-            text("span", more, "faint grow num")
     return one
 
 

@@ -200,6 +200,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
         "findings": findings,
         "cautions": list(bench.cautions),
         "duration": bench.plan.duration,
+        "at_most": bench.plan.may_end_early,
         "plumbing": bench.layout,
         "rest_length": bench.plan.rest_length,
         "lane": lane(bench),

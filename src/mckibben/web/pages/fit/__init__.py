@@ -73,6 +73,7 @@ class FitPage:
         self.law = words.get("law", "")
         self.points: ForceMap | None = None
         self._places: dict[str, Element] = {}
+        self._counts: dict[str, Element] = {}  # of the parameters of each law
         self._seen, self._drawn, self._loading = -1, "", 0
         self.shown = LawPictures(self._places, words.get("view", ""))
 
@@ -258,7 +259,8 @@ class FitPage:
         with place:
             for law in LAWS:
                 kind, change = law_type(law), functools.partial(self._tick, law)
-                check(str(kind.title), law in self.laws, change, f"{len(kind.fitted)} parameters").classed("law")
+                with check(str(kind.title), law in self.laws, change).classed("law"):
+                    self._counts[law] = text("span", f"{len(kind.fitted)} parameters", "faint grow num")
 
     def _fit(self) -> None:
         if self.asked is None or self.points is None:
@@ -291,6 +293,8 @@ class FitPage:
         study = await asyncio.to_thread(self.work.study, asked, points, list(self.laws))
         if self.asked is not asked or self.points is not points:
             return  # something else was asked for meanwhile
+        for one in study.fits:  # as many as the ranking says: what the table states of the muscle is not fitted
+            self._counts[one.law].say(f"{len(one.parameters)} parameters")
         place = self._places["ranking"]
         if not study.fits:
             place.clear()

@@ -133,14 +133,15 @@ function near (figure, u, spec) {
   const tip = figure.querySelector('.tip')
   const { left, top } = u.cursor
   let best = null
-  if (left >= 0) {
-    for (const l of spec.lines) {
-      for (let i = 0; i < l.x.length; i++) {
-        if (l.x[i] === null || l.y[i] === null) continue
-        const d = (u.valToPos(l.x[i], 'x') - left) ** 2 + (u.valToPos(l.y[i], 'y') - top) ** 2
-        if (d < 900 && (!best || d < best.d)) best = { d, l, i }
-      }
+  for (const l of left >= 0 ? spec.lines : []) {
+    l.rises ??= l.line && l.x.every((v, i) => v === null || i === 0 || l.x[i - 1] === null || v >= l.x[i - 1])
+    let of = null // its point that is nearest to the pointer: over a line that goes on to the right the one above or below it
+    for (let i = 0; i < l.x.length; i++) {
+      if (l.x[i] === null || l.y[i] === null) continue
+      const dx = (u.valToPos(l.x[i], 'x') - left) ** 2; const dy = (u.valToPos(l.y[i], 'y') - top) ** 2; const key = l.rises ? dx : dx + dy
+      if (!of || key < of.key) of = { key, d: dx + dy, l, i }
     }
+    if (of && of.key < 900 && (!best || of.d < best.d)) best = of
   }
   tip.hidden = !best
   if (!best) return

@@ -342,7 +342,7 @@ function pressed (e) {
     emit('escape')
     return
   }
-  if (e.ctrlKey && e.key.toLowerCase() === 'z' && !inField(e)) { e.preventDefault(); act('undo').then(a => a.ok || tell(a.said)); return }
+  if (e.ctrlKey && e.key.toLowerCase() === 'z' && !inField(e)) { e.preventDefault(); act('undo', { bench: document.body.dataset.page === 'bench' }).then(a => (!a.ok || document.body.dataset.page === 'bench') && tell(say(a.said))); return }
   if (e.ctrlKey || e.metaKey || e.altKey || inField(e) || document.querySelector('dialog[open]')) return
   if (e.target.closest?.('[data-zooms]') && '+-=0'.includes(e.key) && !e.target.closest('#strips')) return // of a chart, which has the focus
   if (!singles()) return
@@ -380,7 +380,7 @@ addEventListener('DOMContentLoaded', () => {
   key('j', '', () => projector(!projected()))
   $('#keys-button').onclick = help
   $('#copy').onclick = async () => {
-    try { await navigator.clipboard.writeText(location.href); tell('The link to this view was copied.') } catch { tell(`The link: ${location.href}`, 20) }
+    try { await navigator.clipboard.writeText(location.href); tell(`The link to this view was copied.${lab.missing?.() ?? ''}`) } catch { tell(`The link: ${location.href}`, 20) }
   }
   $('#ask-control').onclick = async () => { const a = await act('ask_control'); tell(a.said) }
   $('#keys input').onchange = e => localStorage.setItem('mckibben-keys', e.target.checked ? 'on' : 'off')

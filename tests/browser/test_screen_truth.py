@@ -1,0 +1,185 @@
+"""What the screen says is so: of a run, of the machine that stands still, of a link, of a change that is taken back."""
+
+import pytest
+from screen_server import says, settled
+from test_screen_bench import SHORT, bench, clicked  # noqa: F401 (a fixture)
+
+from mckibben.recordings import read_recording
+from mckibben.studies.sizing import size
+from mckibben.web.bench import machine
+from mckibben.web.bench.machine import RunController
+from mckibben.web.pages.circuit.document import muscle_of, packed, planned
+from mckibben.web.pages.fit.results import beyond_best
+
+UNTIL = SHORT.replace('"up"\n', '"up"\nuntil = "pressure >= 1 bar"\nfor = "5 s"\n').replace(
+    'name = "short"', 'name = "early"'
+)
+
+
+def ended(page, status, until):
+    until(lambda: status(page).get("ended", {}).get("file") and not status(page).get("running"), 60.0)
+    return status(page)["ended"]
+
+
+def by_hand(page):
+    """Length of the machine, as its own console tells it [cm]."""
+    said = page.evaluate("window.lab.act('say', {line: 'status'}).then(a => a.said.text)")
+    words = next(line for line in said.splitlines() if line.startswith("span")).split()
+    return float(words[1]) * {"cm": 1.0, "mm": 0.1, "m": 100.0}[words[2]]
+
+
+def test_a_run_without_a_sample_shows_none_of_the_run_before(bench, status, until):  # noqa: F811
+    page = bench()
+    clicked(page, until, status)
+    ended(page, status, until)
+    page.evaluate("""() => { window.wrong = 0; window.looks = 0
+        const look = () => { const s = window.lab.lab.status; const b = window.lab.bench
+            if (s.running && s.time === 0) { window.looks++; if (b.mode !== 'dry') window.wrong++ }
+            requestAnimationFrame(look) }; look() }""")
+    page.evaluate("() => { window.lab.act('start'); window.lab.act('pause') }")
+    until(lambda: status(page)["shape"] == "paused")
+    page.wait_for_timeout(300)
+    assert page.evaluate("window.looks") > 3 and page.evaluate("window.wrong") == 0
+    page.click("#stop")
+    until(lambda: not status(page).get("running"), 30.0)
+
+
+def test_numbers_at_rest_are_those_of_the_machine_from_which_a_set_point_goes_on(bench, status, until):  # noqa: F811
+    page = bench()
+    clicked(page, until, status)
+    ended(page, status, until)
+    assert page.evaluate("window.lab.act('value', {name: 'high', words: '1 bar'})")["ok"]
+    until(lambda: page.evaluate("window.lab.bench.mode === 'dry' && window.lab.lab.parts.dry?.passed"))
+    length = by_hand(page)
+    says(page, "#reads [data-q=length]", f"{length:.2f}", "at rest")
+    field = page.locator("#sliders .L .field input")
+    until(lambda: abs(float(field.input_value()) - length) < 0.006)  # rounding of both to 0.01 cm
+    last = page.evaluate("window.lab.bench.buffer.latest('length')")
+    assert abs(last - length) > 0.1  # where the run ended, which is somewhere else
+
+
+def test_a_stop_is_logged_at_the_time_that_its_recording_says(bench, served, status, until):  # noqa: F811
+    page = bench(SHORT.replace("cycles = 3", "cycles = 200"), "real")
+    clicked(page, until, status, 0.3)
+    page.click("#stop")
+    name = ended(page, status, until)["file"]
+    (event,) = [e for e in read_recording(served.folder / name).meta["events"] if e.get("code") == "stop"]
+    says(page, "#log li:first-child", f"Stopped by you at {event['time']:.3f}", f"{event['time']:.3f}")
+
+
+def test_a_link_brings_the_numbers_that_were_changed(bench, visit, status, until):  # noqa: F811
+    page = bench()
+    assert page.evaluate("window.lab.act('protocol', {name: 'work-loop'})")["ok"]
+    assert page.evaluate("window.lab.act('value', {name: 'cycles', words: '7'})")["ok"]
+    until(lambda: "values=" in page.evaluate("location.href"))
+    address = page.evaluate("location.href")
+    assert page.evaluate("window.lab.act('protocol', {name: 'work-loop'})")["ok"]  # as it ships
+    until(lambda: "values=" not in page.evaluate("location.href"))
+    page.close()
+    other = visit(address.removeprefix(address.split("/?")[0]), control=True)
+    form = "window.lab.lab.parts.protocol.form.find(f => f.name === 'cycles').value"
+    until(lambda: other.evaluate(form) == "7", 20.0, "the link lost its number")
+    assert other.evaluate("window.lab.act('text', {text: window.lab.lab.parts.protocol.text})")["ok"]
+    until(lambda: other.evaluate("window.lab.lab.parts.protocol.edits === null"))
+    other.click("#copy")
+    says(other, "#toasts", "The text of this protocol is not in it")
+
+
+def test_what_was_changed_on_the_bench_is_taken_back_by_ctrl_z_change_by_change(bench, until):  # noqa: F811
+    page = bench()
+    value = "window.lab.lab.parts.protocol.form.find(f => f.name === 'high').value"
+    for words in ("1 bar", "3 bar"):
+        assert page.evaluate(f"window.lab.act('value', {{name: 'high', words: '{words}'}})")["ok"]
+    until(lambda: page.evaluate(value) == "3")
+    muscle = "window.lab.lab.parts.setup.muscle"
+    page.evaluate("window.lab.act('muscle', {name: 'fiberglass'})")
+    until(lambda: page.evaluate(muscle) == "fiberglass")
+    for expected in (("nylon", "3"), ("nylon", "1"), ("nylon", "2")):
+        page.keyboard.press("Control+z")
+        until(lambda e=expected: (page.evaluate(muscle), page.evaluate(value)) == e)
+    says(page, "#toasts", "undone: Nylon shell")
+
+
+def test_a_run_whose_steps_may_end_early_is_said_to_take_at_most_its_time(bench, status, until):  # noqa: F811
+    page = bench(UNTIL)
+    says(page, "#pr", "at most")
+    clicked(page, until, status)
+    end = ended(page, status, until)
+    assert end["time"] < end["duration"] - 0.05
+    says(page, "#pr", "recorded and kept")
+    until(lambda: page.get_attribute("#prog", "aria-valuenow") == "100")  # it is over, not half done
+
+
+@pytest.mark.parametrize(("speed", "said"), [(0.5, "0.5 of real time"), (1.0, "real time")])
+def test_a_run_that_does_not_keep_its_pace_says_how_fast_it_goes(monkeypatch, speed, said):
+    wall, told = [100.0], []
+    monkeypatch.setattr(machine.time, "monotonic", lambda: wall[0])
+    bench = type("Bench", (), {"pace": "real", "clock": type("Clock", (), {"halted": False})()})()  # noqa: F811
+    run = object.__new__(RunController)
+    run.bench, run.new_machine, run.time, run._paced, run._speed, run._told_slow = bench, True, 0.0, None, None, False
+    run._say = lambda text, kind: told.append(text)
+    for _ in range(30):
+        run._measure_pace()
+        wall[0], run.time = wall[0] + 0.1, run.time + 0.1 * speed
+    assert (run.slow or machine.PACE_NAMES["real"]) == said and len(told) == (speed < 1.0)
+    bench.clock.halted = True  # a pause is not slow
+    run._measure_pace()
+    assert run.slow == ""
+
+
+def test_a_circuit_names_no_muscle_of_which_it_takes_no_number(visit, until):
+    sized = size(force="50 N", stroke="3 cm", valve="MHE2-3-2")
+    document = sized.to_circuit()
+    plan = planned(document)
+    assert "nylon" not in plan.nodes["muscle"].words
+    with pytest.raises(Exception, match="have no place on the bench"):
+        muscle_of(plan)  # it would be the nylon muscle
+    page = visit(f"/circuit?c={packed(document)}")
+    says(page, ".seg[aria-label=Input]", "0 to 5")
+    settled(page)
+    assert "500000" not in page.inner_text("main") and "nylon" not in page.inner_text("main")
+
+
+def test_the_list_of_laws_and_the_ranking_count_the_same_parameters(visit, until):
+    page = visit("/fit?map=DMSP-20-300&laws=thick_wall,martens_boblan,ideal")
+    until(lambda: page.locator(".rank tr.pick").count() == 3, 120.0)
+    for row in page.locator(".rank tr.pick").all():
+        title, free = row.locator(".law-name").inner_text().split("\n")[0], row.locator("td").nth(2).inner_text()
+        label = next(one for one in page.locator("label.law").all_inner_texts() if title.startswith(one.split("\n")[0]))
+        assert f"{free} parameters" in label
+
+
+@pytest.mark.parametrize(
+    ("distance", "words"), [(0.0, "0"), (-161.04, "\u2212161.0"), (61.3, "+61.3"), (None, "\u2013")]
+)
+def test_a_distance_has_one_sign(distance, words):
+    assert beyond_best(distance) == words
+
+
+def test_the_cursor_of_a_recording_names_the_time_under_it(visit, served, bench, status, until):  # noqa: F811
+    page = bench()
+    clicked(page, until, status)
+    name = ended(page, status, until)["file"]
+    page = visit(f"/recordings?a={name}&view=channels")
+    plot = page.locator(".timed figure .u-over").first
+    plot.wait_for()
+    box = plot.bounding_box()
+    record = read_recording(served.folder / name)
+    span = float(record.time[-1] - record.time[0])
+    field = page.evaluate("document.querySelector('.timed figure').whole.x")
+    for share in (0.13, 0.37, 0.41, 0.77):
+        for height in (0.1, 0.5, 0.9):
+            page.mouse.move(box["x"] + share * box["width"], box["y"] + height * box["height"])
+            tip = page.locator(".timed figure .tip").first.inner_text()
+            named = float(tip.split(",")[0].replace("\u2212", "-").split("\u2009")[0])
+            at = field[0] + share * (field[1] - field[0])
+            # a pixel of the pointer, and half a distance of the points that are drawn
+            assert abs(named - at) < span / box["width"] + 1e-3 + 0.5 * span / min(len(record), 4000), (tip, at)
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page.locator(".timed figure .plot").first.focus()
+    page.keyboard.press("+")
+    page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"])
+    low, high = page.evaluate("document.querySelector('.timed figure').zoomed.x")
+    assert page.evaluate("window.atCursor") == pytest.approx(
+        low + 0.25 * (high - low), abs=2.0 * (high - low) / box["width"]
+    )
