@@ -183,3 +183,69 @@ def test_the_cursor_of_a_recording_names_the_time_under_it(visit, served, bench,
     assert page.evaluate("window.atCursor") == pytest.approx(
         low + 0.25 * (high - low), abs=2.0 * (high - low) / box["width"]
     )
+
+
+def test_a_rig_that_lacks_a_part_names_those_that_have_it_and_a_click_takes_one(bench, until):  # noqa: F811
+    page = bench()
+    assert page.evaluate("window.lab.act('protocol', {name: 'leak-down'})")["ok"]
+    page.click("#dry [data-rig=modern]")
+    until(lambda: page.evaluate("window.lab.lab.parts.setup.rig") == "modern")
+    says(page, "#dry", "Dry run passed")
+    for _ in range(2):  # rig and protocol, as they were for the other tests
+        page.evaluate("window.lab.act('undo', {bench: true})")
+    until(lambda: page.evaluate("window.lab.lab.parts.setup.rig") == "paper")
+
+
+def test_a_refused_set_point_moves_nothing(bench, status, until):  # noqa: F811
+    page = bench()
+    until(lambda: status(page)["by_hand"] == "ready")
+    epoch = page.evaluate("window.lab.lab.epoch.epoch")
+    said = page.evaluate("window.lab.act('set', {pressure: '99 bar'})")
+    assert not said["ok"] and "99 bar" in said["said"]
+    page.wait_for_timeout(300)
+    assert status(page)["shape"] == "idle" and page.evaluate("window.lab.lab.epoch.epoch") == epoch
+
+
+def test_escape_stops_a_run_only_where_it_is_seen_and_a_run_is_no_flood_of_words(bench, visit, status, until):  # noqa: F811
+    page = bench(SHORT.replace("cycles = 3", "cycles = 200"), "simulated")
+    page.evaluate(
+        """() => { window.heard = 0; new MutationObserver(list => { for (const m of list) {
+        for (let e = m.target.nodeType === 1 ? m.target : m.target.parentElement; e; e = e.parentElement) {
+            const live = e.getAttribute('aria-live'); const role = e.getAttribute('role')
+            if (live === 'off') break
+            if (live || ['status', 'alert', 'log'].includes(role)) { window.heard++; break } } } })
+        .observe(document.body, {subtree: true, childList: true, characterData: true}) }"""
+    )
+    clicked(page, until, status, 4.0)  # eight cycles
+    assert page.evaluate("window.heard") <= 8  # a start takes four; a count aloud would take two for each cycle
+    other = visit("/fit")
+    other.keyboard.press("Escape")
+    says(other, "#toasts", "Esc stops a run on the page Bench")
+    assert status(other)["running"] and status(other)["shape"] == "running"
+    page.keyboard.press("Escape")
+    until(lambda: status(page)["shape"] == "tripped" and not status(page).get("running"))
+    assert page.evaluate("window.lab.act('reset')")["ok"]
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/fit?map=DMSP-20-300&laws=ideal,gas_spring", "/compare", "/energy", "/recordings"]
+)
+def test_what_a_page_loads_moves_nothing_that_one_reads_already(visit, path):
+    page = visit(path)
+    page.evaluate(
+        """() => { window.moved = 0; new PerformanceObserver(list => { for (const e of list.getEntries())
+        if (!e.hadRecentInput) window.moved += e.value }).observe({type: 'layout-shift', buffered: true}) }"""
+    )
+    settled(page)
+    assert page.evaluate("window.moved") < 0.1  # what browsers call good
+
+
+def test_a_fit_that_the_bench_cannot_run_names_the_law_that_it_can(visit, until):
+    page = visit("/fit?map=DMSP-20-300&laws=sarosi,martens_boblan&law=sarosi", control=True)
+    until(lambda: page.locator(".rank tr.pick").count() == 2, 120.0)
+    act = "window.lab.act('rig', {name: 'modern'}).then(() => window.lab.act('protocol', {name: 'isobaric-map'}))"
+    assert page.evaluate(act)["ok"]
+    page.evaluate("window.lab.act('value', {name: 'pressure', words: '1 bar'})")
+    page.wait_for_selector(".rank tr.sel[data-law=sarosi]")
+    page.get_by_role("button", name="Use on the bench").click()
+    says(page, "#toasts", "cannot run the protocol that is on the bench", "The best law that can is Martens & Boblan")

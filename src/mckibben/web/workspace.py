@@ -16,13 +16,16 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..documents import JsonValue
 from ..errors import InputError, MckibbenError
 from ..formats.registry import readable
 from .shelf import Shelf
 from .stream import Stream
+
+if TYPE_CHECKING:
+    from ..specimens import Specimen
 
 HOLD = 5.0  # time for which the controls wait for a page that vanished [s]
 AFTER = 1.0  # until then what was held by hand is vented, before a page that did not ask is in control [s]
@@ -274,6 +277,9 @@ class PageMachine(Protocol):
 
     def undo(self) -> str:
         """Undo the newest change of what is to run; return its description."""
+
+    def refusal(self, spec: Specimen) -> str:
+        """Why what is to run cannot run with another muscle; empty where it can."""
 
     def shown(self, epoch: int, samples: int) -> None:
         """Note how many samples the page in control has drawn."""

@@ -264,6 +264,14 @@ class BenchSelection:
             raise InputError("start", None, f"needs a dry run that passes: {dry.plain['findings'][0]['sentence']}")
         return dry.prepared
 
+    def refusal(self, spec: Specimen) -> str:
+        """Return why the protocol cannot run with another muscle on this rig; empty where its dry run passes."""
+        try:
+            dry = dry_run(self.protocol, spec, rig_unit(spec), self.rig, on_machine=bool(self.machine))
+        except MckibbenError as error:
+            return str(error)
+        return "" if dry.passed else str(dry.plain["findings"][0]["sentence"])
+
     def again(self) -> str:
         """Repeat the dry run."""
         self._renew()

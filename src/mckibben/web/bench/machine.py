@@ -138,6 +138,10 @@ class Bench:
             self._before = [*self._before[1 - UNDONE :], (time.monotonic(), before)]
         return said
 
+    def refusal(self, spec: Specimen) -> str:
+        """Return why the selected protocol cannot run with another muscle; empty where it can."""
+        return self.chosen.refusal(spec)
+
     @property
     def changed_at(self) -> float:
         """When the newest change that can be undone was made, by the clock of `time.monotonic` [s]."""
@@ -216,13 +220,12 @@ class Bench:
         return self.running
 
     def _operated(self, action: str, wanted: Iterable[str]) -> MachineSession:
-        """Return the session, if it may be operated by hand; pages see its samples from now on."""
+        """Return the session, if it may be operated by hand."""
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
             raise InputError(action, None, f"must wait: the running protocol sets the {names}; stop it first")
         self._require_idle(action)
         self._require_ready()
-        self.view.show()
         return self.session
 
     def _require_ready(self) -> None:
@@ -240,6 +243,7 @@ class Bench:
                 self.view.hold(True)
             else:  # it is shown from now on, also on the way to where the protocol begins
                 self._operated("start", ())
+                self.view.show()
             self.ended = {}
             self.clock.begin()
             self.running = RunController(self, prepared)
@@ -309,7 +313,8 @@ class Bench:
         """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; as text or SI."""
         amounts = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         was_moving = self.view.moving
-        self._operated("set", wanted).set(**amounts)
+        self._operated("set", wanted).set(**amounts)  # what is refused moves nothing, nor what pages show
+        self.view.show()
         if not was_moving:
             self.ended = {}
         return ""
@@ -320,6 +325,7 @@ class Bench:
             self._require_ready()
             return "vented"
         self._operated("vent", ["pressure"]).vent()
+        self.view.show()
         return "venting"
 
     def note(self, text: str) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
 from ....identification import Fit
-from ....identification.ranking import Ranking
+from ....identification.ranking import Ranking, law_title
 from ....muscles.build import rest_length_of
 from ....muscles.laws import LAWS, law_type
 from ....recordings import ForceMap
@@ -128,7 +128,7 @@ class FitPage:
         document.on_close(self.work.end)
 
     def _place(self, name: str, classes: str = "") -> None:
-        self._places[name] = box("div", classes)
+        self._places[name] = box("div", classes or name)  # its name gives it the room that it will take
 
     async def _begin(self) -> None:
         self._show_laws()
@@ -498,10 +498,23 @@ async def _bench(view: FitPage) -> None:
     study = _study(view)
     if study is None:
         return
-    shown = [f for f in study.fits if f.law == view.law] or study.fits[:1]
-    first = replace(study, fits=[*shown, *(f for f in study.fits if f.law != shown[0].law)])
+    shown = next((f for f in study.fits if f.law == view.law), study.fits[0])
+
+    def led_by(one: Fit) -> Ranking:
+        return replace(study, fits=[one, *(f for f in study.fits if f is not one)])
+
+    def refusal(one: Fit) -> str:
+        return view.workspace.machine.refusal(led_by(one).to_specimen()) if one.converged else "it did not converge"
 
     def store() -> Path:
+        if why := refusal(shown):
+            others = (f for f in study.fits if f is not shown)
+            able = next((f for f in others if not refusal(f)), None)
+            if able is not None:  # else the bench says itself what is in the way
+                said = f"{law_title(shown)} cannot run the protocol that is on the bench ({why.rstrip('.')})"
+                sentence = f"{said}. The best law that can is {law_title(able)}: choose it in the ranking"
+                raise InputError("law", shown.law, sentence=sentence)
+        first = led_by(shown)
         path = view.workspace.specimens.store_once(*_written(first))
         rest_length_of(specimen(path))  # refused here, and not by the bench
         return path

@@ -88,7 +88,7 @@ function expected (part) {
 }
 
 // ---------------------------------------------------------------- every frame
-let last = 0; let slow = 0
+let last = 0; let slow = 0; let drawnOnce = false
 function frame (t) {
   requestAnimationFrame(frame)
   const dt = Math.min(0.1, (t - last) / 1000); last = t
@@ -103,6 +103,7 @@ function frame (t) {
     if (Math.abs(gap) > 1e-6) strips.dirty = true
   } else end = buffer.end
   if (strips.dirty) paint()
+  if (!drawnOnce && strips.total && lab.parts.dry && (lab.parts.laws || !lab.parts.dry.pending)) { drawnOnce = true; numbers(); $('main.bench').classList.add('drawn') } // all at once, so that nothing moves
   if (t - slow > 100) { slow = t; numbers() }
 }
 function paint () {
@@ -328,6 +329,9 @@ events.addEventListener('log', e => {
     list.prepend(li)
   }
   while (list.children.length > 200) list.lastChild.remove()
+  // whoever hears the page hears what was done and what to mind; a stop is said by its banner, and cycles are not counted aloud
+  const news = e.detail.filter(m => m.kind === 'done' || m.kind === 'caution')
+  if (news.length) put($('#heard'), news.map(m => say(m.text)).join(' '))
 })
 const lines = []; let back = 0
 $('#ask').onsubmit = async e => {

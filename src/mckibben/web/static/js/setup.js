@@ -137,9 +137,10 @@ export function dryRun () {
   const first = d.findings[0]
   // what does not prevent the run, but has to be known of it
   const cautions = (d.cautions ?? []).map(c => `<div class="note" role="note" style="margin-top:4px"><span>${escape(say(`${c[0].toUpperCase()}${c.slice(1)}${c.endsWith('?') ? '' : '.'}`))}</span></div>`).join('')
-  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}${cautions}`
+  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}${d.rigs?.length ? `<div class="rigs small"><span>Rigs that have it:</span>${d.rigs.map(r => `<button class="btn s" data-rig="${escape(r.name)}" title="${escape(r.title)}" ${idle() ? '' : 'disabled'}>${escape(r.name)}</button>`).join('')}</div>` : ''}${cautions}`
   const b = $('#cure')
   if (b) b.onclick = () => asks('cure')
+  for (const one of box.querySelectorAll('[data-rig]')) one.onclick = () => asks('rig', { name: one.dataset.rig })
 }
 
 // ---------------------------------------------------------------- by hand
