@@ -64,6 +64,9 @@ def build(workspace: Workspace, request: Request) -> None:
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
 
+ROW = 34  # least height of a row of the ranking [px]
+
+
 class FitPage:
     """The Fit page of one visitor."""
 
@@ -93,8 +96,8 @@ class FitPage:
                     self._words = drop.words.classed("small").classed("dim")
                     with drop.about:
                         self._name = text("b", "")
-                    self._place("mapping", "stack")
-                    self._place("given", "stack")
+                    self._place("mapping", "stack mapping" if self.asked else "stack")
+                    self._place("given", "stack given-room" if self.asked else "stack")
                 with panel("Laws", step=2) as head:
                     with head:
                         button("All", lambda: self._all(), small=True, quiet=True)
@@ -265,6 +268,9 @@ class FitPage:
     def _fit(self) -> None:
         if self.asked is None or self.points is None:
             return
+        self._places["ranking"].style(
+            min_height=f"{ROW * (len(self.laws) + 2)}px"
+        )  # so that nothing moves when it comes
         try:
             self.work.start(self.asked, self.points, self.laws)
         except MckibbenError as error:

@@ -185,7 +185,7 @@ function show (left) {
       words.querySelector('small').setAttribute('aria-live', state === 'running' ? 'off' : 'polite') // cycles are counted there
       block.querySelector('svg').innerHTML = ICONS[state]
     }
-    words.firstChild.textContent = name
+    if (words.firstChild.textContent !== name) words.firstChild.textContent = name // the same words again would be said again
     words.querySelector('small').textContent = small
     document.title = (TITLE[state] ?? '') + document.title.replace(/^(\u25b6 |\u275a\u275a |\u2b23 Tripped: )/, '')
     document.documentElement.dataset.state = state
