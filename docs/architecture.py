@@ -27,6 +27,7 @@ CONTENTS = {
     "web": "the web interface",
     "report": "figures and reports",
     "studies": "sizing, comparison, design, tubes",
+    "control": "controllers and their scores",
     "batch": "sweeps of many variants",
     "bench": "rigs, sessions, runs",
     "identification": "fits, intervals, validation",

@@ -509,7 +509,8 @@ def papers(_: Path) -> str:
 
     printed = select()
     foretold = reproduce(rows=[row.id for row in printed if is_prediction(row)])
-    done = predictions_first([*foretold, *(o for o in reproduce(recordings=False) if o.ours is not None)])
+    others = [o for o in reproduce(recordings=False) if o.ours is not None and not is_prediction(o.row)]
+    done = predictions_first([*foretold, *others])
     rows = []
     for o in done:
         paper = " to ".join(f"{v:g}" for v in o.row.paper) if isinstance(o.row.paper, tuple) else f"{o.row.paper:g}"
@@ -519,11 +520,11 @@ def papers(_: Path) -> str:
         "The papers, number by number",
         f"{headline(done)} The other {len(printed) - len(done)} of the {len(printed)} that this package reproduces come from "
         f"recordings of the simulated test machine, which take minutes. The {len(foretold)} predictions come first: no input "
-        "was inferred from these numbers or from their experiment. *Calibrated on this row* means that an input was inferred "
-        "from that number, *calibrated on another row* that the number follows from inputs that were inferred from others, "
-        "*arithmetic* that only printed coefficients and the paper's equations went in: there, agreement is no prediction. "
-        "A tolerance is half a unit of the last printed digit, unless the note gives a reason. *Open* numbers differ, and the "
-        "note says why. To compute all rows, and every figure of the papers:",
+        "was inferred from the row itself. What is not printed was inferred from all others; the note has their number, what "
+        "they leave of each input, and in brackets the sensitivity to it. *Arithmetic* means that only printed "
+        "coefficients and the paper's equations went in: there, agreement is no prediction. "
+        "A tolerance is half a unit of the last printed digit, unless the note gives a reason. *Open* numbers differ, or the "
+        "others do not tell them; the note begins with the input that would have to change. To compute all rows, and every figure of the papers:",
         "```sh\n$ mckibben reproduce --out reproduction\n```",
         _table(["row", "quantity", "paper", "computed", "unit", "verdict", "note"], rows, right=(2, 3)),
     )
@@ -722,6 +723,7 @@ ROOMS: dict[str, tuple[str, str, list[str]]] = {
     ),
     "identification": ("identification", "Parameters from measured data.", ["identification.**"]),
     "simulation": ("simulation", "Systems that are stepped by a user's own controller.", ["simulation.**"]),
+    "control": ("control", "Controllers by name, and the benches on which they are scored.", ["control.**"]),
     "hosts": ("hosts", "Muscles with their air as parts of other programs: the distribution `mckibben-hosts`, which `mckibben.hosts` stands for.", ["mckibben_hosts.**"]),
     "recordings": ("recordings", "Recordings and force maps.", ["recordings.**"]),
     "formats": ("formats", "Files of any program as plain tables of channels.", ["formats.**"]),

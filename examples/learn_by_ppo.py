@@ -1,7 +1,9 @@
 """Train policies by proximal policy optimisation (PPO) on environments of muscles, with JAX alone.
 
-    python examples/learn_by_ppo.py [Lift Joint Reach Pressure] [--iterations 150] [--seed 0] [--out FOLDER]
+    python examples/learn_by_ppo.py [Lift Joint Reach Pressure] [--varied] [--iterations 150] [--seed 0] [--out FOLDER]
 
+With --varied each task is learned twice, on the nominal plant and on plants that differ from episode to episode, and both
+policies are judged on 50 plants that neither has seen.
 Prints the mean error while training, at the end that of the trained policy without noise on 256 new episodes, and that
 of valves which stay shut; draws the learning curves. Ctrl-C ends the training of a task; what was learned is evaluated.
 
@@ -27,6 +29,15 @@ import mckibben_hosts.gymnasium
 
 LANES, STEPS = 128, 50  # samples of an iteration: 128 lanes of a quarter of an episode
 QUARTERS = 4  # of an episode
+# What differs: muscles and their friction, the valves' flows, what they move, and the delay of an action.
+VARIED = {
+    "units.*.law.rest_length": "2 %",
+    "units.*.law.stiffness_per_pressure": "10 %",
+    "units.*.friction.limit.*": "30 %",
+    "circuit.elements.*.valve.*.conductance": "15 %",
+}
+MOVED = {"Lift": {"load.mass": "20 %"}, "Joint": {"load.inertia": "20 %"}}
+UNSEEN, EPISODES = 50, 8  # plants, and episodes of each
 EPOCHS, PARTS = 6, 8  # passes over them, each in 8 parts
 DISCOUNT, TRACE, CLIP = 0.97, 0.95, 0.2
 RATE, WIDTH = 1e-3, 64
@@ -110,20 +121,27 @@ def advantages(rewards: np.ndarray, values: np.ndarray, ends: np.ndarray) -> np.
     return estimate
 
 
-def evaluate(task: str, policy: object, episodes: int = 256) -> tuple[float, str]:
-    """Mean error over whole episodes of new seeds, and its unit."""
-    env = gymnasium.make_vec(f"mckibben/{task}-v0", num_envs=episodes)
-    seen, _ = env.reset(seed=1_000_000)
+def differing(task: str, varied: bool, plants_seed: int) -> dict:
+    """What an environment is told of plants that differ."""
+    return {"vary": VARIED | MOVED.get(task, {}), "delay": (0, 1), "plants_seed": plants_seed} if varied else {}
+
+
+def evaluate(task: str, policy: object, episodes: int = 256, **differs: object) -> tuple[np.ndarray, np.ndarray, str]:
+    """Mean error of each of some episodes of new seeds, the plant that each has, and the unit."""
+    env = gymnasium.make_vec(f"mckibben/{task}-v0", num_envs=episodes, **differs)
+    seen, about = env.reset(seed=1_000_000)
     errors = []
     for _ in range(env.unwrapped.task.samples):
         seen, _, _, _, info = env.step(np.asarray(policy(seen)))
         errors.append(info["error"])
-    return float(np.mean(errors)), env.unwrapped.task.error_unit
+    return np.mean(errors, axis=0), about.get("plant", np.zeros(episodes, int)), env.unwrapped.task.error_unit
 
 
-def train(task: str, iterations: int, seed: int) -> tuple[dict, list[tuple[int, float, float]]]:
+def train(task: str, iterations: int, seed: int, varied: bool = False) -> tuple[dict, list[tuple[int, float, float]]]:
     """Parameters of the trained policy, and rows of the learning curve: control steps, seconds, mean error."""
-    env = gymnasium.make_vec(f"mckibben/{task}-v0", num_envs=LANES, autoreset_mode="SameStep")
+    env = gymnasium.make_vec(
+        f"mckibben/{task}-v0", num_envs=LANES, autoreset_mode="SameStep", **differing(task, varied, 0)
+    )
     random, key = np.random.default_rng(seed), jax.random.PRNGKey(seed)
     parameters = begin(random, env.single_observation_space.shape[0], env.single_action_space.shape[0])
     zeros = jax.tree.map(np.zeros_like, parameters)
@@ -179,17 +197,31 @@ def draw(curves: dict[str, tuple[list[tuple[int, float, float]], float, str]], f
         mk.save_figure(figure, folder / "learn-by-ppo.svg")
 
 
-def main(folder: Path, tasks: Sequence[str] = ("Lift",), iterations: int = 150, seed: int = 0) -> None:
+def main(
+    folder: Path, tasks: Sequence[str] = ("Lift",), iterations: int = 150, seed: int = 0, varied: bool = False
+) -> None:
     """Train policies, print their errors, and draw the learning curves."""
     curves = {}
     for task in tasks:
         print(f"{task}:")
-        parameters, curve = train(task, iterations, seed)
-        middle = jax.jit(partial(lambda layers, seen: network(layers, seen), parameters["policy"]))
-        error, unit = evaluate(task, middle)
-        shut, _ = evaluate(task, lambda seen, count=parameters["spread"].size: np.zeros((len(seen), count)))
-        print(f"  mean error over 256 new episodes {error:.4g} {unit}; with valves shut {shut:.4g} {unit}")
-        curves[task] = curve, shut, unit
+        policies = {}
+        for kind in (False, True) if varied else (False,):
+            parameters, curve = train(task, iterations, seed, kind)
+            policies[kind] = jax.jit(partial(network, parameters["policy"]))
+            if not kind:
+                error, _, unit = evaluate(task, policies[kind])
+                shut, _, _ = evaluate(task, lambda seen, count=parameters["spread"].size: np.zeros((len(seen), count)))
+                said = f"mean error over 256 new episodes {error.mean():.4g} {unit}"
+                print(f"  {said}; with valves shut {shut.mean():.4g} {unit}")
+                curves[task] = curve, float(shut.mean()), unit
+        for kind, policy in policies.items() if varied else ():
+            error, plant, unit = evaluate(task, policy, UNSEEN * EPISODES, plants=UNSEEN, **differing(task, True, 1))
+            each = np.array([error[plant == k].mean() for k in np.unique(plant)])
+            words = "varied" if kind else "nominal"
+            print(
+                f"  trained on {words} plants, on {len(each)} unseen ones: median {np.median(each):.4g} {unit}, "
+                f"worst {each.max():.4g} {unit}"
+            )
     draw(curves, folder)
 
 
@@ -197,9 +229,10 @@ if __name__ == "__main__":
     known = [name.removeprefix("mckibben/").removesuffix("-v0") for name in mckibben_hosts.gymnasium.TASKS]
     parser = argparse.ArgumentParser(description="Train policies by PPO on environments of muscles.")
     parser.add_argument("task", nargs="*", default=["Lift"], choices=known, help="Tasks to train on")
+    parser.add_argument("--varied", action="store_true", help="Learn on plants that differ, too, and judge both")
     parser.add_argument("--iterations", type=int, default=150, help="Iterations of 6,400 control steps each")
     parser.add_argument("--seed", type=int, default=0, help="Random seed of networks, actions and goals")
     parser.add_argument("--out", type=Path, default=Path("out"), help="Folder of the figure")
     options = parser.parse_args()
     options.out.mkdir(exist_ok=True)
-    main(options.out, options.task, options.iterations, options.seed)
+    main(options.out, options.task, options.iterations, options.seed, options.varied)

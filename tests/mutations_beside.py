@@ -41,7 +41,7 @@ PHYSICS_TESTS = {
     "simulation/simulation.py": "simulation/test_simulation.py simulation/test_slips.py simulation/test_operations.py",
     "analysis/loops.py": "analysis/test_loops.py analysis/test_loop_residuals.py",
     "analysis/steps.py": "analysis/test_steps.py",
-    "analysis/frequency.py": "analysis/test_frequency.py",
+    "analysis/frequency.py": "analysis/test_frequency.py analysis/test_timing.py",
     "analysis/energy/": "analysis/test_energy_cycles.py analysis/test_power.py cli/test_energy_command.py",
     "analysis/energy_accounts.py": "analysis/test_energy_accounts.py",
     "identification/fit.py": "identification/test_ranking.py identification/test_what_data_show.py "
@@ -67,14 +67,16 @@ SOFTWARE_TESTS = {
     "recordings/provenance.py": "recordings/test_differences.py recordings/test_conditions.py "
     "recordings/test_cautions.py",
     "recordings/memory.py": "recordings/test_memory.py",
-    "recordings/files.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py",
-    "formats/columns.py": "recordings/test_files_of_others.py recordings/test_bad_records.py",
-    "formats/text.py": "recordings/test_tables_of_others.py recordings/test_bad_records.py "
-    "recordings/test_files_of_others.py",
+    "recordings/files.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py "
+    "recordings/test_files_of_laboratories.py",
+    "formats/columns.py": "recordings/test_files_of_laboratories.py recordings/test_files_of_others.py "
+    "recordings/test_bad_records.py",
+    "formats/text.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
+    "recordings/test_bad_records.py recordings/test_files_of_others.py",
     "formats/table.py": "recordings/test_formats.py recordings/test_bad_tables.py",
     "formats/store.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py",
     "formats/exchange.py": "recordings/test_convert.py",
-    "formats/mcap.py": "recordings/test_mcap.py",
+    "formats/mcap.py": "recordings/test_mcap.py recordings/test_live_log.py",
     "formats/mcap_records.py": "recordings/test_mcap.py",
     "formats/messages.py": "recordings/test_mcap.py",
     "formats/live_log.py": "recordings/test_live_log.py",

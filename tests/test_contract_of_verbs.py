@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mckibben import verbs
+from mckibben.answers import named
 from mckibben.cli import _values, main, verb_commands
 from mckibben.cli._terminal import json_text
 from mckibben.cli._verb import VerbCommand
@@ -50,6 +51,7 @@ ASKED = {
     "calibrate show": "no.toml",
     "calibrate apply": "no.nc --off --out no.csv",
     "joint": "--command flexor=0.1 --duration 0.02s",
+    "control": "--controller memory-inverse --plants 0 --duration 3s",
     "sweep": f"{CIRCUITS.parent / 'sweeps' / 'tube-and-threshold.toml'} --out sweep --dry-run",
     "tension": "nylon --length 11:12:0.5cm --pressure 5bar",
     "energy": "nylon --pressure 5bar --cycle maximal",
@@ -62,6 +64,9 @@ ASKED = {
     "read": "pull.csv --as recording --unit force=N --unit length=mm",
     "record show": "pull.csv --unit force=N --unit length=mm",
     "record frequency": "pull.csv --unit force=N --unit length=mm --input length --output force",
+    **{f"record {name}": "strokes.csv --length-channel length --to 6s" for name in ("loops", "work", "stiffness")},
+    "record steps": "strokes.csv --command-channel pressure",
+    "record leak": "strokes.csv --from 1s --gas-volume 100ml",
     # refused in one sentence; other tests have their answers
     **dict.fromkeys(("diagnose", "record energy", "record contraction", "record work-loops"), "no.nc"),
     "next": "--from no.json",
@@ -119,6 +124,10 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkey
     lines = [f"{t},{100.0 + math.sin(t * t)},{30.0 + 5.0 * math.sin(t * t - 0.1)}" for t in times]
     (tmp_path / "pull.csv").write_text("\n".join(["time [s],length,force", *lines]), encoding="utf-8")
     rows = [f"{length},{bar},{0.4 * bar * (length - 110)}" for length in range(120, 140, 5) for bar in range(1, 7)]
+    lines = [
+        f"{t},{130 + 5 * math.sin(6 * t)},{30 + 5 * math.sin(6 * t - 0.1)},{3 + (t > 1)},{30 * (t > 1)}" for t in times
+    ]
+    (tmp_path / "strokes.csv").write_text("\n".join(["time [s],length [mm],force [N],pressure [bar],cell [N]", *lines]))
     (tmp_path / "twice.csv").write_text("\n".join(["length [mm],pressure [bar],force [N]", *rows, *rows[:3]]))
     strokes = [(4 - abs(4 - 0.3 * i), (i > 13) * 3 * math.sin(0.12 * i)) for i in range(27)]
     lines = [f"{bar},{10 * bar + more}" for bar, more in strokes]
@@ -135,9 +144,11 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkey
         lines = [line.split() for line in out.splitlines()]
         for row in table.cells():  # in one line, in this order
             assert [word for cell in row for word in cell.split()] in lines
-    assert all(remark in out for remark in answer.remarks())
+    assert all(named(remark, COMMANDS[name]._called) in out for remark in answer.remarks())
     page = html.unescape(few._repr_html_())
-    assert all(one.text in page for one in answer.cautions) and all(remark in page for remark in answer.remarks())
+    assert all(one.text in page for one in answer.cautions) and all(
+        named(remark) in page for remark in answer.remarks()
+    )
     for table in few.tables():
         assert all(f">{cell}</td>" in page for row in table.cells()[: table.most] for cell in row)
         assert table.title in page and all(note in page for note in table.notes)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .identification.ranking import Ranking as Ranking
     from .identification.ranking import fit as fit
     from .muscles import Muscle as Muscle
+    from .muscles import PressureLaw as PressureLaw
     from .muscles import TensionLaw as TensionLaw
     from .muscles.build import law as law
     from .muscles.build import muscle as muscle
@@ -67,6 +68,7 @@ PUBLIC: dict[str, dict[str, str]] = {
     "Muscles and laws": {
         "muscle": "muscles.build",
         "Muscle": "muscles",
+        "PressureLaw": "muscles",
         "TensionLaw": "muscles",
         "law": "muscles",
         "quantity": "quantities",

@@ -15,11 +15,16 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 if TYPE_CHECKING:  # types of what a lower room offers, which its annotations take from here
     from .analysis.energy_parts import EnergyAccount as EnergyAccount
+    from .analysis.frequency import ChannelResponse as ChannelResponse
     from .analysis.lever import ContractionTiming as ContractionTiming
     from .analysis.lever import LeverLoop as LeverLoop
     from .analysis.lever import StimulatedContraction as StimulatedContraction
     from .analysis.lever import StimulatedLoop as StimulatedLoop
     from .analysis.loops import TensionLoop as TensionLoop
+    from .analysis.questions import HeldPressure as HeldPressure
+    from .analysis.questions import RecordingNumbers as RecordingNumbers
+    from .analysis.repeatability import CourseRepeatability as CourseRepeatability
+    from .analysis.steps import StepResponse as StepResponse
     from .report.figures.plots import ComparisonPlots as ComparisonPlots
     from .report.figures.plots import CyclePlots as CyclePlots
     from .report.figures.plots import EnergyPlots as EnergyPlots
@@ -50,16 +55,23 @@ DOCUMENTS = (
     "report.fit_report:write_fit_report",
     "report.study_reports:muscle_comparison",
     "report.study_reports:write_characterisation_report",
+    "report.study_reports:write_data_sheet",
 )
 QUESTIONS = (  # to a recording
     "analysis.description:describe_file",
     "analysis.energy_accounts:energy_account",
+    "analysis.frequency:channel_response",
     "analysis.lever:contraction_timing",
     "analysis.lever:lever_loops",
     "analysis.lever:stimulated_contractions",
     "analysis.lever:stimulated_loops",
     "analysis.loops:force_map",
-    "analysis.loops:loops",
+    "analysis.questions:leak",
+    "analysis.questions:loops",
+    "analysis.questions:steps",
+    "analysis.questions:stiffness",
+    "analysis.questions:work",
+    "analysis.repeatability:repeatability",
     "analysis.segments:segments",
 )
 RUNS = ("bench.circuit_run:run_circuit",)

@@ -184,6 +184,9 @@ class MissingLibraryError(InputError):
     def __init__(self, purpose: str, library: str, extra: str, *, instead: str = "", where: str | None = None) -> None:
         self.purpose, self.library, self.extra, self.instead = purpose, library, extra, instead
         problem = f"pip install 'mckibben[{extra}]'"
+        if library.startswith("mckibben-"):
+            own = "" if extra == library.removeprefix("mckibben-") else f"[{extra}]"
+            problem += f", or in a copy of the repository pip install './packages/{library}{own}'"
         sentence = f"{purpose} {library}, which is not installed: {problem}" + (f"; {instead}" if instead else "")
         super().__init__(library, None, problem, where=where, sentence=sentence)
 

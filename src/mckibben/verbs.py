@@ -83,6 +83,7 @@ QUANTITIES = {
         ParameterType("MASS", "kg", (1e-4, 1e3)),
         ParameterType("ENERGY", "J", (1e-2, 1e9)),
         ParameterType("FLOW", "m^3/s", (1e-8, 0.2)),
+        ParameterType("AIRVOLUME", "m^3", (1e-8, 0.1)),
         ParameterType("MASSES", "kg", (1e-3, 2e3), listed=True),
         ParameterType("FREQUENCIES", "1/s", (1e-4, 1e5), listed=True),
     )
@@ -94,6 +95,7 @@ Contraction = Annotated[float | str, QUANTITIES["CONTRACTION"]]
 Activation = Annotated[float | str, QUANTITIES["ACTIVATION"]]
 Mass = Annotated[float | str, QUANTITIES["MASS"]]
 Energy = Annotated[float | str, QUANTITIES["ENERGY"]]
+AirVolume = Annotated[float | str, QUANTITIES["AIRVOLUME"]]
 Diameter = Annotated[float | str, QUANTITIES["SIZE"]]
 SmallLength = Annotated[float | str, QUANTITIES["SIZE"]]
 # What one asks of a muscle is within narrower bounds than what a rig or a recording may have.
@@ -125,6 +127,7 @@ Frequency = Annotated[float | str, QUANTITIES["FREQUENCY"]]
 Frequencies = Annotated[Sequence[float | str] | str, QUANTITIES["FREQUENCIES"]]
 Lengths = Annotated[Sequence[float | str] | str, QUANTITIES["LENGTHS"]]
 Pressures = Annotated[Sequence[float | str] | str, QUANTITIES["PRESSURES"]]
+FilePressures = Annotated[Sequence[float | str] | str, QUANTITIES["PRESSURES"]._replace(word="PRESSURE")]
 Masses = Annotated[Sequence[float | str] | str, QUANTITIES["MASSES"]]
 Acceleration = Annotated[float | str, QUANTITIES["ACCELERATION"]]
 Share = Annotated[float | str, QUANTITIES["SHARE"]]
@@ -180,7 +183,7 @@ READING = ("columns", "units", "scales", "period", "decimal", "header", "sheet",
 FILE = PLACES["describe_file"]
 Reading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, READING))]
 PATH_READING = ("columns", "units", "pressure_zero")
-MAP_READING = (*PATH_READING, "branch", "decimal", "header", "sheet", "topic", "gear_ratio")
+MAP_READING = (*PATH_READING, "pressure", "length_zero", "branch", "decimal", "header", "sheet", "topic", "gear_ratio")
 PathReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, PATH_READING))]
 MapReading = Annotated[Mapping[str, Any], ParameterType("READING", parts=(FILE, MAP_READING))]
 

@@ -78,7 +78,10 @@ def test_where_the_package_of_a_backend_is_missing_one_sentence_says_what_to_ins
         raise importlib.metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(importlib.metadata, "distribution", distribution)
-    says = rf"^\w[\w ]+ need mckibben-hardware, which is not installed: pip install 'mckibben\[{extra}\]'$"
+    says = (
+        rf"^\w[\w ]+ need mckibben-hardware, which is not installed: pip install 'mckibben\[{extra}\]', or in a copy "
+    )
+    says += rf"of the repository pip install './packages/mckibben-hardware\[{extra}\]'$"
     with pytest.raises(MissingLibraryError, match=says):
         check_connection(words)
     with pytest.raises(MissingLibraryError, match=says), connected(words, rig("paper"), 1e-3):

@@ -4,8 +4,10 @@ import json
 
 import pytest
 
+import mckibben as mk
 from mckibben.analysis.energy import CYCLES, EnergyCycle
 from mckibben.cli import main
+from mckibben.errors import InputError
 
 NYLON = ("energy", "nylon", "--pressure", "5 bar")
 
@@ -156,3 +158,10 @@ def test_a_muscle_whose_volume_is_unknown_says_so(run, tmp_path):
     code, out, err = run("energy", "mine.toml", "--pressure", "5 bar")
     assert (code, out) == (2, "")
     assert err.count("\n") == 1 and "rest_volume" in err
+
+
+def test_a_cycle_is_asked_for_by_its_name_and_another_is_refused_with_those_there_are():
+    found = mk.energy("nylon", pressure="5 bar", cycles=["maximal"])
+    assert found["maximal"] is found.cycles["maximal"][found.volume]
+    with pytest.raises(InputError, match="maximal"):
+        found["maximum"]

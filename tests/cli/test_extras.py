@@ -85,7 +85,8 @@ def test_a_command_of_a_package_that_is_not_installed_says_which_and_the_help_li
 @pytest.mark.parametrize("name", registry.PACKAGES)
 def test_a_name_of_a_package_that_is_not_installed_says_which(name, bare):
     bare.delitem(vars(mckibben), name, raising=False)
-    says = f"mckibben.{name} needs {registry.PACKAGES[name]}, which is not installed: pip install 'mckibben[{name}]'"
+    needs = f"mckibben.{name} needs {registry.PACKAGES[name]}, which is not installed: pip install 'mckibben[{name}]'"
+    says = f"{needs}, or in a copy of the repository pip install './packages/{registry.PACKAGES[name]}'"
     with pytest.raises(MissingLibraryError) as error:
         getattr(mckibben, name)
     assert str(error.value) == says
@@ -113,7 +114,7 @@ def test_a_page_of_a_package_that_is_not_installed_says_which_and_pages_that_sho
         documents.close_all()
         return html.unescape(widgets.written(opened))
 
-    says = "The page The paper needs mckibben-papers, which is not installed: pip install 'mckibben[papers]'."
+    says = "The page The paper needs mckibben-papers, which is not installed: pip install 'mckibben[papers]',"
     assert says in asyncio.run(shown())
 
 

@@ -15,8 +15,17 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-LONG = {"antagonist_joint.py", "learn_by_gradient.py", "learn_by_ppo.py", "elbow_in_opensim.py"}  # up to a minute
-NEEDS = {"elbow_in_opensim.py": "opensim"}  # libraries that the tests do not install
+LONG = {
+    "antagonist_joint.py",
+    "learn_by_gradient.py",
+    "learn_by_ppo.py",
+    "elbow_in_opensim.py",
+    "identify_in_mujoco.py",
+}  # up to a minute
+NEEDS = {
+    "elbow_in_opensim.py": "opensim",
+    "identify_in_mujoco.py": "colorama",
+}  # libraries that the tests do not install
 SCRIPTS = sorted(p.name for p in (ROOT / "examples").glob("*.py"))
 
 

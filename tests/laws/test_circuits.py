@@ -12,7 +12,7 @@ from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
 from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.orifice import Orifice, steepest_slope
-from mckibben.pneumatics.tubes import TUBES, LumpedTube, friction_factor, inertance
+from mckibben.pneumatics.tubes import TUBES, LumpedTube, QuadraticTube, friction_factor, inertance
 from mckibben.pneumatics.volume import (
     FixedVolume,
     Inflow,
@@ -248,3 +248,14 @@ def test_a_pressure_below_vacuum_is_no_result():
     assert bool(pocket.admissible(state))
     assert not bool(pocket.admissible(state | {"pressure": {"pocket": jnp.asarray(-1.0)}}))
     assert not bool(pocket.admissible(state | {"mass": {"pocket": jnp.asarray(0.0)}}))
+
+
+def test_the_papers_tube_drives_gas_of_the_density_of_where_it_comes_from():
+    # Eqs. 20-24 solved backwards: the speed that gives the drop, at the density of the mean pressure (eq. 21).
+    tube = QuadraticTube(viscous=50.0, turbulent=2.0, area=1e-5)
+    cold, warm = (GasState(jnp.asarray(p), jnp.asarray(t)) for p, t in ((4e5, 290.0), (3e5, 350.0)))
+    for a, b, sign in ((cold, warm, 1.0), (warm, cold, -1.0)):
+        speed = float(tube.mass_flow(a, b)) / (float(AIR.density(3.5e5, 290.0)) * 1e-5)
+        assert sign * speed > 0.0
+        # to what the least viscous coefficient of 0.05 Pa s/m adds to 50
+        np.testing.assert_allclose(50.0 * speed + 2.0 * speed * abs(speed), sign * 1e5, rtol=2e-6)

@@ -338,3 +338,21 @@ def test_absolute_pressures_of_a_map_are_said(tmp_path):
     points = mk.read(path, rest_length="160 mm", units={"pressure": "psia"})
     assert points.pressure[0] == pytest.approx(20 * 6894.757293168361 - 101325.0, rel=1e-12)
     assert any("is absolute" in remark for remark in points.remarks)
+
+
+def test_a_unit_of_the_kind_that_the_file_states_is_taken_whatever_its_size(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time [s],length [mm],force [N]\n0,1,2\n1,3,4\n2,5,6\n3,7,8\n")
+    assert mk.read(path, units={"length": "cm"})["length"].tolist() == pytest.approx([0.01, 0.03, 0.05, 0.07])
+    with pytest.raises(InputError, match="must be of the kind that the file states, mm"):
+        mk.read(path, units={"length": "ms"})  # as many of its SI unit as mm
+
+
+def test_what_each_column_of_a_map_is_taken_for_is_told(tmp_path):
+    path = tmp_path / "map.csv"
+    path.write_text("length [mm],p abs [bar],operator,force [N]\n120,3,ab,10\n130,3,ab,20\n125,4,cd,30\n")
+    uses = {use.label: use[1:] for use in understand(path, kind="map").columns}
+    assert [uses[name] for name in ("length [mm]", "p abs [bar]", "force [N]")] == [
+        ("length", "mm"), ("pressure", "bar abs"), ("tension", "N"),
+    ]  # fmt: skip
+    assert uses["operator"][0] == ""

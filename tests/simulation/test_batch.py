@@ -1,5 +1,8 @@
 """Many simulations side by side."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from stepped_systems import drive, driven, joint
@@ -45,6 +48,19 @@ def test_a_batch_goes_on_from_a_saved_state_bit_for_bit():
     assert [many.step(extensor=0.1).angle.tolist() for _ in range(5)] == first
 
 
+def test_copies_and_pickles_of_simulations_and_batches_go_on_bit_for_bit_and_apart():
+    sim = joint(noisy=True)
+    for whole in (sim, sim.batch(2, {"load.inertia": [2e-3, 4e-3]})):
+        whole.reset(seed=3, pressure="2 bar")
+        seen = whole.step(flexor=0.2)
+        np.testing.assert_equal(pickle.loads(pickle.dumps(seen)), seen)
+        others = copy.deepcopy(whole), pickle.loads(pickle.dumps(whole))
+        after = [whole.step(extensor=0.1) for _ in range(5)]
+        for other in others:  # what one does moves no other
+            np.testing.assert_equal([other.step(extensor=0.1) for _ in range(5)], after)
+            np.testing.assert_array_equal(other.recording()["joint.angle"], whole.recording()["joint.angle"])
+
+
 @pytest.mark.parametrize(
     ("call", "word"),
     [
@@ -77,3 +93,24 @@ def test_a_lane_that_needs_shorter_steps_takes_them_alone():
         taken.append(max(steps))
         assert alone[1:] == tuple(values[lane] for values in seen[1:])
     assert min(taken) < max(taken)
+
+
+def test_lanes_go_on_from_moments_of_the_simulation_bit_for_bit():
+    sim = joint()
+    sim.reset(pressure="2 bar")
+    moments = []
+    for k in range(3):
+        driven(sim, 5, 5 * k)
+        moments.append(sim.save_state())
+    many = sim.batch(3)
+    many.load_states(moments)
+    for _ in range(5):
+        seen = many.step(**drive(40))
+    for lane, moment in enumerate(moments):
+        sim.load_state(moment)
+        for _ in range(5):
+            alone = sim.step(**drive(40))
+        assert alone[1:] == tuple(values[lane] for values in seen[1:])
+    assert many.load_states(moments[1]).angle.tolist() == [moments[1].observed[0]] * 3
+    with pytest.raises(InputError, match="one or 3"):
+        many.load_states(moments[:2])

@@ -19,7 +19,8 @@ from mckibben.simulation.mechanisms import Stated
 
 MECHANISMS = {
     "weight": (mk.Weight, {"muscle": "nylon", "mass": 5.0, "start": 0.126, "damping": 2.0, "gravity": 9.81}),
-    "spring": (mk.Spring, {"muscle": "nylon", "stiffness": 2e3, "mass": 0.1, "start": 0.13, "damping": 1.0}),
+    "spring": (mk.Spring, {"muscle": "nylon", "stiffness": 2e3, "mass": 0.1, "start": 0.13, "damping": 1.0, "weight": 5.0,
+                            "relaxed": 0.13}),
     "plate": (mk.Plate, {"muscle": "nylon", "span": 0.126}),
     "joint": (
         mk.Joint,
@@ -37,7 +38,7 @@ MECHANISMS = {
     ),
     "air": (mk.Air, {"supply": 6e5, "port_volume": 2e-6, "heat": 0.2, "tube": (1.0, 4e-3)}),
 }  # fmt: skip
-ZERO_IS_MEANT = {"damping", "stiffness", "stop_stiffness", "gravity", "gravity_moment", "start", "heat", "centre"}
+ZERO_IS_MEANT = {"damping", "stiffness", "stop_stiffness", "gravity", "gravity_moment", "start", "heat", "centre", "weight"}
 NEGATIVE_IS_MEANT = {"gravity_moment", "start", "stops", "gravity"}
 
 

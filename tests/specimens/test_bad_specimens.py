@@ -205,3 +205,13 @@ def test_a_shipped_specimen_is_found_in_the_file_of_its_name_as_among_all() -> N
     files = sorted(p.stem for p in (Path(mckibben.specimens.__file__).parent / "data").glob("*.toml"))
     assert sorted(s.id.lower() for s in specimens()) == files
     assert all(specimen(s.id) == s for s in specimens())
+
+
+def test_what_no_source_prints_is_named_once_those_of_the_default_law_first():
+    spec = specimen("nylon")
+    named = spec.inferred()
+    assert len(set(named)) == len(named)
+    paths = {f"laws.{law}.{n}" for law, group in spec.laws.items() for n, p in group.items() if p.inferred}
+    assert {path for path in named if path.startswith("laws.")} == paths and len({p.split(".")[1] for p in paths}) > 1
+    own = [path.startswith(f"laws.{spec.law}.") for path in named if path.startswith("laws.")]
+    assert own == sorted(own, reverse=True)

@@ -205,6 +205,9 @@ CALLS: dict[str, list[Call]] = {
     "joint": [
         Call(("nylon", "--command", "flexor=0, 0.3 @ 50 ms", "--duration", "0.2 s", "--out", "joint.nc"), ["joint.nc"])
     ],
+    "control": [
+        Call(("--controller", "inverse", "--plants", "0", "--duration", "3 s", "--out", "control.csv"), ["control.csv"])
+    ],
     "device serve": [Call((*BENCH, "--duration", "1 s"))],
     "device check": [Call(("--rig", "modern", "--simulate"))],
     "energy": [Call((MUSCLE, "--pressure", "5 bar", "--out", "energy.svg"), ["energy.svg"])],
@@ -281,6 +284,11 @@ CALLS: dict[str, list[Call]] = {
     "record frequency": [
         Call(("loop.nc", "--input", "span", "--output", "tension", "--out", "response.svg"), ["response.svg"])
     ],
+    "record loops": [Call(("loop.nc",))],
+    "record work": [Call(("loop.nc", "--json"))],
+    "record stiffness": [Call(("loop.nc",))],
+    "record steps": [Call(("lever.ddf",))],
+    "record leak": [Call(("loop.nc", "--gas-volume", "100 ml"))],
     "record contraction": [Call(("--json", "lever.ddf"))],
     "record work-loops": [Call(("lever.ddf", "--cut", "peak"), says=("two peaks",))],
     "record repeatability": [Call(("loop.nc", "--out", "cycles.svg"), ["cycles.svg"])],

@@ -83,6 +83,13 @@ def test_the_command_writes_a_part_that_builds_and_says_what_it_is(tmp_path: Pat
     about = json.loads((tmp_path / "part" / "lift.json").read_text())
     assert about["commands"] == ["opening"]
     assert {"path", "member", "unit", "meaning", "least", "most", "default"} <= about["parameters"][0].keys()
+    schema = json.loads((tmp_path / "part" / "lift.schema.json").read_text())["properties"]
+    assert list(schema) == [stated["path"] for stated in about["parameters"]]
+    for name, one in schema.items():
+        ends = one.get("items", one)
+        low, high = ends.get("minimum", -np.inf), ends.get("maximum", np.inf)
+        assert one["unit"] and one["description"], name
+        assert np.all((low <= np.asarray(one["default"])) & (np.asarray(one["default"]) <= high)), name
     out = str(tmp_path / "lift")
     sources = [str(tmp_path / "part" / f) for f in ("lift.c", "lift_example.c")]
     subprocess.run([COMPILER, "-O0", "-ffp-contract=off", *sources, "-o", out, "-lm"], check=True)

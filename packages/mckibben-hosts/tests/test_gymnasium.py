@@ -1,6 +1,10 @@
 """Environments of Gymnasium: its rules, equal bits alone and in lanes, and lanes that end."""
 
+import copy
 import functools
+import pickle
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
@@ -94,7 +98,7 @@ def test_a_lane_that_cannot_go_on_is_truncated_alone_and_says_why():
 def test_an_environment_that_cannot_go_on_is_truncated_and_says_why():
     env = lift()
     env.reset(seed=0)
-    env.unwrapped._kernel.set_carry(*(np.full_like(x, np.nan) for x in env.unwrapped._plant.start))
+    env.unwrapped._kernel.set_carry(*(np.full_like(x, np.nan) for x in env.unwrapped._plant.start(0)))
     _, reward, terminated, truncated, info = env.step(np.zeros(1))
     assert truncated and not terminated and reward == -100.0 and "not finite" in info["message"]
 
@@ -117,9 +121,105 @@ def test_an_observation_is_its_quantities_in_their_ranges():
     assert all(-1.0 < value < 1.0 for value in seen)
 
 
+DIFFERS = {
+    "vary": {"units.*.law.rest_length": "2 %", "load.mass": ("2 kg", "4 kg")},
+    "noise": {"position": "0.2 mm"},
+    "offset": {"position": "+-1 mm"},
+    "delay": (0, 3),
+    "plants": 5,
+}
+
+
+def test_lanes_with_their_own_plants_sensors_and_delays_are_single_environments_bit_for_bit():
+    many = gymnasium.make_vec(LIFT, num_envs=3, max_episode_steps=6, autoreset_mode="SameStep", **DIFFERS)
+    each = [gymnasium.make(LIFT, max_episode_steps=6, **DIFFERS) for _ in range(3)]
+    seen, about = many.reset(seed=3)
+    alone = [env.reset(seed=3 + k) for k, env in enumerate(each)]
+    assert same(seen, np.array([one for one, _ in alone])) and about["plant"].tolist() == [i["plant"] for _, i in alone]
+    random = np.random.default_rng(0)
+    for _ in range(5):
+        actions = random.uniform(-1.0, 1.0, (3, 1)).astype(np.float32)
+        ours, theirs = many.step(actions), [env.step(action) for env, action in zip(each, actions, strict=True)]
+        assert same(ours[0], np.array([one[0] for one in theirs])) and same(ours[1], np.array([t[1] for t in theirs]))
+    many.step(actions)  # each lane begins again, with a plant, an offset and a delay drawn anew
+    again = [env.reset()[1]["plant"] for env in each]
+    assert many.unwrapped._which.tolist() == again
+
+
+def test_a_plant_of_an_environment_is_the_simulation_with_its_numbers():
+    env = environments.MuscleEnv(LIFT, vary=DIFFERS["vary"], plants=4)
+    _, about = env.reset(seed=8)
+    numbers = {path: values[about["plant"]] for path, values in env.plants.items()}
+    assert set(numbers) == {"units.muscle.law.rest_length", "load.mass"}
+    sim = env.task.simulation().with_parameters(numbers)
+    sim.reset(pressure=env.task.pressure)
+    for _ in range(10):
+        env.step(np.array([0.4]))
+        seen = sim.step(muscle=0.4)
+    assert env._seen()["position"] == seen.position and env._seen()["pressure"] == seen.pressure
+
+
+def test_an_action_acts_after_its_delay():
+    at_once, late = environments.MuscleEnv(LIFT), environments.MuscleEnv(LIFT, delay=2)
+    for env in (at_once, late):
+        env.reset(seed=0)
+    late.step(np.ones(1)), late.step(np.ones(1))
+    held = [late._seen()["pressure"]]
+    late.step(np.zeros(1))
+    at_once.step(np.zeros(1)), at_once.step(np.zeros(1))
+    assert held == [at_once._seen()["pressure"]]
+    at_once.step(np.ones(1))
+    assert late._seen()["pressure"] == at_once._seen()["pressure"] > held[0] + 1e3
+
+
+def test_environments_and_their_lanes_are_copied_and_pickled_at_any_moment():
+    for env, action in (
+        (environments.MuscleEnv(LIFT, **DIFFERS), 1),
+        (environments.MuscleVectorEnv(3, LIFT, **DIFFERS), 3),
+    ):
+        env.reset(seed=1)
+        actions = np.full((action, 1), 0.3)
+        env.step(actions)
+        others = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+        after = env.step(actions)
+        assert all(same(after[:4], other.step(actions)[:4]) for other in others)
+
+
+def test_a_fresh_process_makes_an_environment_by_the_module_before_its_name():
+    code = "import gymnasium; print(gymnasium.make('mckibben_hosts.gymnasium:mckibben/Lift-v0').spec.id)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == LIFT
+
+
+@pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")  # of JAX, which the child does not use
+def test_processes_that_are_forked_or_spawned_after_a_step_go_on():
+    env = lift()
+    env.reset(seed=0)
+    env.step(np.zeros(1))
+    for context in ("fork", "spawn"):
+        lanes = gymnasium.vector.AsyncVectorEnv([_made] * 2, context=context)
+        try:
+            lanes.reset(seed=0)
+            lanes.step_async(np.zeros((2, 1)))
+            assert np.isfinite(lanes.step_wait(timeout=120.0)[1]).all()
+        finally:
+            lanes.close(terminate=True)
+
+
+def _made():
+    return gymnasium.make("mckibben_hosts.gymnasium:mckibben/Lift-v0")
+
+
 @pytest.mark.parametrize(
     ("call", "word"),
     [
+        (lambda: environments.MuscleEnv(LIFT, vary={"load.masss": "5 %"}), "load.mass"),
+        (lambda: environments.MuscleEnv(LIFT, vary={"load.mass": "5 bar"}), "range of two ends"),
+        (lambda: environments.MuscleEnv(LIFT, vary={"load.mass": ("-1 kg", "1 kg")}), "between"),
+        (lambda: environments.MuscleEnv(LIFT, vary={"load.stiffness": "5 %"}), "nothing of 0"),
+        (lambda: environments.MuscleEnv(LIFT, noise={"angle": 0.1}), "position"),
+        (lambda: environments.MuscleEnv(LIFT, delay=(3, 1)), "control periods"),
+        (lambda: environments.MuscleEnv(LIFT, muscles={"no_such": np.ones(3)}), "no_such"),
         (lambda: environments.MuscleEnv("mckibben/Jump-v0"), "mckibben/Lift-v0"),
         (lambda: environments.MuscleEnv(LIFT, render_mode="human"), "rgb_array"),
         (lambda: environments.MuscleVectorEnv(0), "1 or more"),

@@ -97,6 +97,24 @@ def test_a_rollout_on_two_threads_has_the_bits_of_single_steps(model):
         assert np.array_equal(states[k, -1, 1 : 1 + model.nq], data.qpos)
 
 
+def test_data_that_are_stepped_with_another_model_take_its_numbers(text):
+    """As rollouts of many models on few data do, with a state of one of them; so does MuJoCo's system identification."""
+    rollout = pytest.importorskip("mujoco.rollout")
+    spec = mujoco.MjSpec.from_string(text)
+    models = [spec.compile()]
+    spec.plugins[0].config = {"muscles.left.law.threshold_pressure": "2e5"}
+    models.append(spec.compile())
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    start = np.empty(mujoco.mj_stateSize(models[0], kind))
+    mujoco.mj_getState(models[0], mujoco.MjData(models[0]), start, kind)
+    controls = np.tile(list(COMMANDS.values()), (2, 60, 1))
+    states, _ = rollout.rollout(models, [mujoco.MjData(models[0])], np.repeat(start[None], 2, 0), controls)
+    alone = [motion(model, mujoco.MjData(model)) for model in models]
+    for together, single in zip(states, alone, strict=True):
+        np.testing.assert_array_equal(together[:, 1:3], single[:, :2])
+    assert np.ptp([single[-1, 0] for single in alone]) > 1e-4
+
+
 def test_evaluating_does_not_go_on_and_reset_returns_to_the_start(model):
     data, plain = mujoco.MjData(model), mujoco.MjData(model)
     first = motion(model, data, 10)

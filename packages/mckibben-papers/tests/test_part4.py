@@ -7,7 +7,7 @@ import pytest
 from mckibben.components import Environment
 from mckibben_papers import computed, part4, reproduce, rows
 from mckibben_papers.figures import FIGURES
-from mckibben_papers.rows import all_rows, reproduce_row
+from mckibben_papers.rows import all_rows, computed_row
 
 ROWS = {r.id: r for r in all_rows() if r.part == "IV"}
 
@@ -21,15 +21,15 @@ def fresh():
 
 
 def ours(identifier):
-    return reproduce_row(ROWS[identifier]).ours
+    return computed_row(ROWS[identifier]).ours
 
 
 def test_every_row_of_part_4_is_computed_and_holds():
     outcomes = reproduce("IV")
-    assert len(outcomes) == len(ROWS) == 19
+    assert len(outcomes) == len(ROWS) == 18
     assert [o.row.id for o in outcomes if o.ours is None or o.ok is False] == []
-    calibrated = {"calibrated on this row", "calibrated on another row"}
-    assert {o.verdict for o in outcomes} == calibrated | {"not printed", "misprint"}
+    assert {o.verdict for o in outcomes} == {"predicted", "open", "not printed", "misprint"}
+    assert [o.row.id for o in outcomes if o.verdict == "open"] == ["energy.maximal.input"]  # 8.850 of 8.86 J
     alone = ("_pressure", "_W12", ".compression", ".atmosphere")  # without the other volume beside them
     assert all("potential" in o.note for o in outcomes if not o.row.id.endswith(alone))
 
@@ -46,7 +46,6 @@ def test_the_numbers_at_5_bar():
     assert round(ours("energy.isotonic.output"), 3) == 1.274
     assert round(part4.cycle("maximal", accumulator=True, friction=False).efficiency, 2) == 0.49
     assert round(part4.cycle("maximal", volume="potential").input, 2) == 8.93
-    assert ours("energy.maximal.zero_pressure") == pytest.approx(1.0, abs=0.02)
 
 
 def test_rows_move_with_the_stretched_length(monkeypatch, fresh):
@@ -55,7 +54,7 @@ def test_rows_move_with_the_stretched_length(monkeypatch, fresh):
     longer = part4.stretched_length() + 1e-4
     monkeypatch.setattr(part4, "stretched_length", lambda: longer)
     part4.cycle.cache_clear()
-    after = reproduce_row(ROWS["energy.maximal.output"])
+    after = computed_row(ROWS["energy.maximal.output"])
     # dWa/dL2 = F2max - F2min; its own slope of 19 N/cm adds a thousandth over 0.1 mm.
     assert after.ours - before == pytest.approx(1e-4 * (pulls.load - passive), rel=2e-3)
 
@@ -79,7 +78,7 @@ def test_rows_move_with_the_line_of_eq_13(monkeypatch, fresh, what, change):
 
 def test_a_row_that_is_not_met_falls_short(monkeypatch, fresh):
     monkeypatch.setattr(part4, "stretched_length", lambda: 0.150)
-    assert reproduce_row(ROWS["energy.maximal.output"]).verdict == "falls short"
+    assert computed_row(ROWS["energy.maximal.output"]).verdict == "falls short"
 
 
 def test_every_row_is_registered_once_and_needs_no_recording():

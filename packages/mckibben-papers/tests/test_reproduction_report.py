@@ -13,6 +13,7 @@ from mckibben.report.figures import style
 from mckibben_papers import PrintedRow, RowOutcome
 from mckibben_papers import report as reproduction_report
 from mckibben_papers.figures import FIGURES, PaperFigure
+from mckibben_papers.inference import RowPrediction
 from mckibben_papers.report import Drawn, chosen_figures, difference, draw, predictions_first
 from mckibben_papers.report import reproduction_report as report
 from mckibben_papers.rows import accepted_band, all_rows, judge
@@ -32,7 +33,7 @@ def outcome(found: PrintedRow, ours: float | None, note: str = "") -> RowOutcome
 
 OUTCOMES = [
     outcome(row("a.holds", tolerance=0.1), 2.1, "seen `in code` and -3 +-2"),
-    outcome(row("a.calibrated", tolerance=0.1, basis="this row"), 1.9),
+    outcome(row("a.words", tolerance=0.1, basis="words", printed=False), 1.9),
     outcome(row("a.printed", 0.75, "printed", unit="N/(L0 cm2)"), 0.7512),
     outcome(row("b.range", (1.0, 3.0), "range", part="IV"), 2.5),
     outcome(row("b.misprint", 126.0, "erratum", part="IV", what=NASTY, unit="1/cm"), 1263.0, NASTY),
@@ -87,7 +88,8 @@ def test_every_row_stands_in_both_files_with_verdict_and_note(document):
     assert "seen in code and \N{MINUS SIGN}3 ±2" in page
     for words in (
         "1 of 8 numbers fall short",
-        "9 printed numbers: 1 is calibrated on its own row (−5 %), 3 are arithmetic (0 to +5 %)",
+        "8 printed numbers: 3 are arithmetic (0 to +5 %)",
+        "beside them 1 row has no printed value",
         "N/(L₀ cm²)",
         "+5.0 %",
         "inside",
@@ -229,14 +231,17 @@ def test_a_wide_tolerance_is_shown_with_its_reason(run):
     assert code == 0 and "tolerance 5 %: the print divides 31 by the area" in " ".join(out.split())
     code, out, _ = run("--row", name, "--json")
     (row,) = json.loads(out)["rows"]
-    assert row["tolerance"] == pytest.approx(0.05) and row["reason"] in row["note"] and row["kind"] == "elsewhere"
-    assert row["basis"] == "another row" and row["inputs"] in row["note"]
+    assert row["tolerance"] == pytest.approx(0.05) and row["reason"] in row["note"] and row["kind"] == "predicted"
+    assert row["basis"] == "other rows" and row["inputs"] in row["note"]
+    assert row["rows"] == 6 and row["told"] and row["sensitivities"] in row["note"] and row["needed"] == ""
 
 
 def test_predictions_come_first_and_those_that_agree_before_the_open_ones():
     agreeing, missed = (
-        outcome(row(name, paper=2.0, expect=expect, basis="prediction", part="III", tolerance=0.1), 2.1)
-        for name, expect in (("z.agrees", "near"), ("y.open", "open"))
+        outcome(row(name, paper=2.0, basis="other rows", part="III", tolerance=0.1), value)._replace(
+            prediction=RowPrediction(value, 0.1, True, ("b",), {}, None), ok=value < 2.2 or None
+        )
+        for name, value in (("z.agrees", 2.1), ("y.open", 2.9))
     )
     order = predictions_first([*OUTCOMES, missed, agreeing])
     assert order == [agreeing, missed, *OUTCOMES]

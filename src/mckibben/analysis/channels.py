@@ -20,6 +20,7 @@ import numpy as np
 from .._jax import Scalar
 from ..answers import Caution, collect
 from ..errors import InputError
+from ..formats.labels import quantity_of
 from ..quantities import with_unit
 from ..recordings import Recording
 
@@ -37,6 +38,49 @@ def known(record: Recording, name: str) -> np.ndarray:
     """
     values = record[name]
     return finite(values, f"channel {name}")
+
+
+# What a question needs of a recording: its SI unit, and the names that recordings have for it, best first.
+ROLES = {
+    "length": ("m", ("muscle.length", "span", "length")),
+    "tension": ("N", ("muscle.tension", "tension", "force")),
+    "pressure": ("Pa", ("muscle.pressure", "pressure")),
+}
+
+
+def choose_channel(record: Recording, role: str, name: str | None = None) -> str:
+    """The channel that has a role: the one that is named, else by the usual names, else the only one of the unit.
+
+    Commands, and channels of which nothing is known, are none.
+
+    Args:
+        record: the recording.
+        role: length, tension or pressure.
+        name: of the channel, where it is known.
+
+    Raises:
+        InputError: there is no such channel, or several that could be it.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> pulls = mk.Channel([1.0, 2.0], "N", "measured")
+        >>> choose_channel(mk.Recording([0.0, 1.0], {"cell_3": pulls}), "tension")
+        'cell_3'
+    """
+    if name is not None:
+        record.unit(name)
+        return name
+    unit, names = ROLES[role]
+    usable = [
+        n for n, c in record.channels.items() if c.unit == unit and c.kind != "command" and np.isfinite(c.values).any()
+    ]
+    usable = [n for n in usable if not n.endswith("_abs")] or usable  # a gauge pressure before an absolute one
+    alike = [n for n in usable if quantity_of(n.rpartition(".")[2]) == role]
+    for candidates in ([n for n in names if n in usable][:1], alike, usable):
+        if len(candidates) == 1:
+            return candidates[0]
+    has = ", ".join(alike or usable) or ", ".join(f"{n} [{c.unit}]" for n, c in record.channels.items())
+    raise InputError(role, None, f"must name a channel in {unit}; the recording has {has or 'no channels'}")
 
 
 def finite(values: Sequence[float] | Scalar, subject: str) -> np.ndarray:
@@ -379,14 +423,33 @@ def held_cycles(
     """
     x, y = known(record, length), known(record, tension)
     every = find_cycles(x, skip=skip, subject=f"channel {length}")
-    room = length.rpartition(".")[0]
-    names = [name for name in (f"{room}.pressure" if room else "pressure", "pressure") if name in record]
-    name = next((n for n in names if np.isfinite(record[n]).all()), None)
+    name = _pressure_beside(record, length)
     others = ({} if name is None else {name: record[name]}) | {tension: y}
     cycles, caution = closed_cycles(every, record.time, others)
     cautions = [caution]
-    span = float(np.ptp(x))
-    held: dict[str, tuple[np.ndarray, float]] = {}  # values (cycles,) and the jump that parts them
+    held = cycle_conditions(record, cycles, length=length, tension=tension)
+    groups = []
+    for chosen, means_held in parted_by(held):
+        groups.append(HeldCycles(tuple(cycles[i] for i in chosen), means_held))
+        if name is not None and np.ptp(drift := held["pressure"][0][chosen]) > 2.0 * held["pressure"][1]:
+            ends = " to ".join(with_unit(float(p), "Pa") for p in (drift[0], drift[-1]))
+            cautions.append(Caution(f"{name} drifts from {ends} over the loops of one mean", "pressure"))
+    return tuple(groups), collect(*cautions)
+
+
+def _pressure_beside(record: Recording, length: str) -> str | None:
+    """Name of the pressure beside a length: of its room, else ``pressure``; None where it is not known throughout."""
+    room = length.rpartition(".")[0]
+    names = [name for name in (f"{room}.pressure" if room else "pressure", "pressure") if name in record]
+    return next((n for n in names if np.isfinite(record[n]).all()), None)
+
+
+def cycle_conditions(
+    record: Recording, cycles: Sequence[Cycle], *, length: str, tension: str
+) -> dict[str, tuple[np.ndarray, float]]:
+    """What was held in each cycle, by name: values (cycles,), and the jump that parts them; see `held_cycles`."""
+    x, y, name = known(record, length), known(record, tension), _pressure_beside(record, length)
+    held: dict[str, tuple[np.ndarray, float]] = {}
     if name is not None:
         means = np.array([record[name][c.start : c.end].mean() for c in cycles])
         held["pressure"] = means, _ALIKE * float(np.abs(record[name]).max())
@@ -394,18 +457,19 @@ def held_cycles(
         held["tension"] = np.array([y[c.start : c.end].mean() for c in cycles]), 0.1 * float(np.ptp(y))
     periods = np.array([record.time[c.end] - record.time[c.start] for c in cycles])
     held["frequency"] = 1.0 / periods, 0.2 / float(np.median(periods))
-    held["stroke"] = np.array([float(np.ptp(x[c.start : c.end + 1])) for c in cycles]), 0.1 * span
+    held["stroke"] = np.array([float(np.ptp(x[c.start : c.end + 1])) for c in cycles]), 0.1 * float(np.ptp(x))
+    return held
+
+
+def parted_by(held: Mapping[str, tuple[np.ndarray, float]]) -> list[tuple[np.ndarray, dict[str, float]]]:
+    """Numbers of the cycles in which the same was held, and the means of what tells them from other groups; none of one."""
     marks = np.array([_parted(values, jump) for values, jump in held.values()]).T
     groups = []
     for mark in dict.fromkeys(map(tuple, marks)):
         chosen = np.flatnonzero((marks == mark).all(axis=1))
         apart = [n for n, column in zip(held, marks.T, strict=True) if np.ptp(column)]
-        means_held = {n: float(held[n][0][chosen].mean()) for n in apart}
-        groups.append(HeldCycles(tuple(cycles[i] for i in chosen), means_held))
-        if name is not None and np.ptp(drift := held["pressure"][0][chosen]) > 2.0 * held["pressure"][1]:
-            ends = " to ".join(with_unit(float(p), "Pa") for p in (drift[0], drift[-1]))
-            cautions.append(Caution(f"{name} drifts from {ends} over the loops of one mean", "pressure"))
-    return tuple(groups), collect(*cautions)
+        groups.append((chosen, {n: float(held[n][0][chosen].mean()) for n in apart}))
+    return groups
 
 
 _UNITS = {"pressure": "Pa", "tension": "N", "frequency": "Hz", "stroke": "m"}

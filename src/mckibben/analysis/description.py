@@ -261,6 +261,8 @@ def describe_file(
     period: verbs.Time | None = None,
     branch: verbs.Label | None = None,
     pressure_zero: verbs.Pressure | None = None,
+    pressure: verbs.FilePressures | None = None,
+    length_zero: verbs.Lengths | None = None,
     kind: verbs.FileKind | None = None,
     decimal: verbs.DecimalMark | None = None,
     header: verbs.Header | None = None,
@@ -272,7 +274,7 @@ def describe_file(
     r"""Read a file of another program and show its columns, units, and the rows left out.
 
     Args:
-        file: file of any format that mckibben reads.
+        file: file of any format that mckibben reads; a folder or a quoted pattern of files with one pressure each.
         columns: column that holds length, contraction, pressure, force, time or a channel, by label or number, such as
             force='F [N]'.
         units: unit of a column for which the file states none, such as force=N or 'pressure=kPa abs'.
@@ -281,10 +283,14 @@ def describe_file(
         period: sample interval of a file without a time column [s], such as '2 ms'.
         branch: keep only rows with this value in the branch column.
         pressure_zero: reading of the pressure channels at zero [Pa], such as '9.2 kPa'.
+        pressure: gauge pressure of a map without such a column [Pa], of several files one for each in the order of their
+            names, such as '1 bar, 3 bar'; by default that in the head or the name of each.
+        length_zero: length of the muscle where the length column reads zero [m], such as '300 mm', or one for each file; by
+            default that in the head.
         kind: read as a map or as a recording, where both are possible.
         decimal: decimal mark of a text, where its numbers fit both a point and a comma.
         header: names of the columns with their units, where the file has none, such as 'time_ms, pressure_bar'.
-        sheet: sheet of a spreadsheet, by name or number.
+        sheet: sheet of a spreadsheet, by name or number, or a range of its cells, such as 'Data!B4:E60'.
         topic: topic of a bag of ROS or an MCAP file.
         gear_ratio: gear ratio of the lever that recorded a .ddf file.
         **options: of a format that another package adds.
@@ -300,7 +306,8 @@ def describe_file(
     """
     reading = recordings.understand(
         file, columns=columns, units=units, scales=scales, rest_length=rest_length, period=period, branch=branch,
-        pressure_zero=pressure_zero or 0.0, kind=kind, decimal=decimal, header=header, sheet=sheet, topic=topic,
+        pressure_zero=pressure_zero or 0.0, pressure=pressure, length_zero=length_zero,
+        kind=kind, decimal=decimal, header=header, sheet=sheet, topic=topic,
         gear_ratio=gear_ratio, **options,
     )  # fmt: skip
     return FileDescription(path_of(file), reading)

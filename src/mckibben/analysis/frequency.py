@@ -10,6 +10,7 @@ IEEE Trans. Audio and Electroacoustics 15(2), 1967.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +22,10 @@ from ..answers import Answer, Caution, Column, Table
 from ..assembly.linearise import LinearModel
 from ..documents import JsonValue
 from ..errors import InputError
-from ..recordings import Recording, read_recording
-from ..recordings.files import path_of, select_between
-from ..verbs import ChannelName, Frequencies, Frequency, RecordingFile, Time, typed, verb
-from .channels import cycle_frequency, finite, known, positive, uniform_period
+from ..recordings import Recording, read_any
+from ..recordings.files import naming_file, path_of, select_between
+from ..verbs import ChannelName, DataFile, Frequencies, Frequency, Reading, Time, typed, verb
+from .channels import choose_channel, cycle_frequency, finite, known, positive, uniform_period
 from .loops import TensionLoop, loop
 
 RESPONSES = 16  # rows of a frequency response that a person is shown
@@ -339,6 +340,8 @@ class ChannelResponse(Answer):
         response: at its frequencies.
         averaged: whether it is a mean over segments, not fitted to sines.
         cautions: about values that can only be slips.
+        cutoffs: frequency at which each run has fallen by 3 dB [Hz]; NaN of one that has not.
+        guessed: ``source`` and ``target`` where they were not named.
     """
 
     file: str | None
@@ -349,6 +352,8 @@ class ChannelResponse(Answer):
     response: FrequencyResponse
     averaged: bool
     cautions: tuple[Caution, ...] = ()
+    cutoffs: tuple[float, ...] = ()
+    guessed: tuple[str, ...] = ()
 
     def data(self) -> dict[str, Any]:
         """Frequency [Hz], magnitude, phase [rad] and coherence."""
@@ -361,7 +366,9 @@ class ChannelResponse(Answer):
     def to_dict(self) -> dict[str, JsonValue]:
         """The response in columns, and the frequency at which it has fallen by 3 dB [Hz]."""
         about = {"file": self.file, "input": self.source, "output": self.target, "unit": self.unit}
-        return {**about, "cutoff": self.response.cutoff(), **self.data(), "segments": self.response.segments}
+        of_runs = {"run_cutoffs": list(self.cutoffs)} if len(self.cutoffs) > 1 else {}
+        cutoff = {"cutoff": self.response.cutoff(), **of_runs}
+        return {**about, **cutoff, **self.data(), "segments": self.response.segments}
 
     def tables(self) -> list[Table]:
         """The response at some of its frequencies, evenly over their logarithm."""
@@ -378,49 +385,88 @@ class ChannelResponse(Answer):
         cutoff = self.response.cutoff()
         averaged = f", {self.response.segments} segments averaged" if self.averaged else ""
         fallen = f"It falls by 3 dB at {cutoff:.4g} Hz." if np.isfinite(cutoff) else "It does not fall by 3 dB."
-        return [f"{len(self.response.frequency)} frequencies{averaged}. {fallen}"]
+        lines = [f"{len(self.response.frequency)} frequencies{averaged}. {fallen}"]
+        known_cutoffs = [one for one in self.cutoffs if np.isfinite(one)]
+        if len(self.cutoffs) > 1 and known_cutoffs:
+            ends = f"{min(known_cutoffs):.4g} to {max(known_cutoffs):.4g} Hz"
+            lines.append(f"Medians over {len(self.cutoffs)} runs, which fall by 3 dB at {ends}.")
+        words = [f"{{{role}}} names another channel than {getattr(self, role)}" for role in self.guessed]
+        return [*lines, *([f"Chosen by name and unit: {'; '.join(words)}."] if words else [])]
 
 
 @verb
 def channel_response(
-    recording: RecordingFile,
+    recording: DataFile,
     *,
-    source: ChannelName,
-    target: ChannelName,
+    source: ChannelName | None = None,
+    target: ChannelName | None = None,
     resolution: Frequency | None = None,
     sines: Frequencies | None = None,
     start: Time | None = None,
     end: Time | None = None,
+    read: Reading | None = None,
 ) -> ChannelResponse:
     """Estimate the frequency response between two channels.
 
     Chirps, noise and many sines are averaged over a band by Welch's method. At known frequencies the response is fitted
-    by least squares of sines, without their transient.
+    by least squares of sines, without their transient. Of several runs of a file magnitude and phase are the medians.
 
     Args:
-        recording: recording of mckibben (.nc, .csv or .mcap).
-        source: channel that drives, such as valve.command.
-        target: channel that answers, such as tension.
+        recording: recording of mckibben, or a file of another program of any format.
+        source: channel that drives, such as valve.command; by default the only command that changes, else the length.
+        target: channel that answers, such as tension; by default the tension.
         resolution: spacing of the frequencies [Hz], such as '0.5 Hz'; by default eight over the duration.
         sines: frequencies of sines in the input [Hz], such as '1 Hz, 2 Hz'.
         start: time from which on samples are used [s], such as '2 s'.
         end: time up to which samples are used [s], such as '5 s'.
+        read: how the file of another program is understood, with parameters of `analysis.description.describe_file`.
 
     Raises:
-        InputError: a channel is missing or constant, or the recording cannot tell the frequencies apart.
+        InputError: a channel is missing, not clear or constant, the recording cannot tell the frequencies apart, or runs
+            have other sample intervals.
     """
     if sines is not None and resolution is not None:
         raise InputError("resolution", None, "is allowed only without {sines}, which states the frequencies")
     if sines is not None and not len(sines):
         raise InputError("sines", typed(sines), "must be one frequency or several, such as '1 Hz, 2 Hz'")
-    record = select_between(read_recording(recording), start, end)
-    if sines is None:
-        spacing = None if resolution is None else float(resolution)
-        response = frequency_response(record, source=source, response=target, resolution=spacing)
-    else:
-        response = sine_response(record, sorted(float(one) for one in sines), source=source, response=target)
+    record = read_any(recording, **(read or {})).recording
+    runs = [select_between(run, start, end) for run in record.runs]
+    with naming_file(recording):
+        commands = [n for n, c in record.channels.items() if c.kind == "command" and np.ptp(c.values) > 0.0]
+        usual = commands[0] if len(commands) == 1 else None
+        guessed = tuple(role for role, name in (("source", source), ("target", target)) if name is None)
+        source = source or usual or choose_channel(record, "length")
+        target = target or choose_channel(record, "tension")
+        if sines is None:
+            # one spacing for all, a little off so that no clock's rounding decides between two numbers of samples
+            spacing = None if len(runs) == 1 else (1.0 - 1e-6) * min(8.0 / (len(run) * run.period) for run in runs)
+            spacing = spacing if resolution is None else float(resolution)
+            each = [frequency_response(run, source=source, response=target, resolution=spacing) for run in runs]
+        else:
+            tones = sorted(float(one) for one in sines)
+            each = [sine_response(run, tones, source=source, response=target) for run in runs]
+        response = each[0] if len(each) == 1 else _median_response(each)
     above, below = (record.channels[name].unit for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
     file = path_of(recording)
     title = str(record.meta.get("title") or Path(file or "").name)
-    return ChannelResponse(file, title, source, target, unit, response, sines is None)
+    cutoffs = tuple(one.cutoff() for one in each)
+    return ChannelResponse(file, title, source, target, unit, response, sines is None, (), cutoffs, guessed)
+
+
+def _median_response(each: Sequence[FrequencyResponse]) -> FrequencyResponse:
+    """Medians of magnitude, phase and coherence over runs, at the frequencies that all have."""
+    each = [one._replace(frequency=np.round(one.frequency, 9)) for one in each]  # clocks of runs differ by rounding
+    shared = functools.reduce(np.intersect1d, [one.frequency for one in each])
+    if not shared.size:
+        raise InputError(
+            "runs", None, "must have one sample interval; state the period, or choose one run by its times"
+        )
+    at = [np.isin(one.frequency, shared) for one in each]
+
+    def median(name: str) -> np.ndarray:
+        middle: np.ndarray = np.median([getattr(one, name)[keep] for one, keep in zip(each, at, strict=True)], axis=0)
+        return middle
+
+    parts = sum(one.segments for one in each)
+    return FrequencyResponse(shared, median("magnitude"), median("phase"), median("coherence"), parts)

@@ -38,7 +38,7 @@ from ..answers import brief
 from ..errors import InputError
 from ..recordings import Recording
 from .channels import find_cycles, known
-from .loops import loop
+from .loops import loop, path_work
 from .segments import segments, steps_of
 
 CUTS = ("L0", "peak", "trough")
@@ -346,7 +346,7 @@ def _loop(
     number: int, cycle: slice, lengths: np.ndarray, pulls: np.ndarray, rate: float, smoothing: float
 ) -> LeverLoop:
     along, pull = lengths[cycle], pulls[cycle]
-    work = -float(np.trapezoid(pull, along))
+    work = path_work(along, pull)
     velocity = -_smooth(np.diff(along) * rate, smoothing)
     # Each velocity belongs to the sample at its end.
     mean = float(np.mean(pull[1:] * velocity))

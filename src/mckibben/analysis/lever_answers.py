@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ from .. import verbs
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
-from ..recordings import read_any
+from ..recordings import Recording, read_any
 from ..recordings.files import naming_file, path_of
 from . import lever
 
@@ -107,11 +107,15 @@ def contraction(
     with naming_file(recording):
         timing = lever.contraction_timing(record, **shares, above=above, force=force, stimulus=stimulus)
     protocol = lever.stated_protocol(record)
-    loop = protocol is not None and protocol.kind == "work loop"
+    return Contraction(path_of(recording), timing, protocol, cautions_of_contraction(protocol))
+
+
+def cautions_of_contraction(protocol: lever.LeverProtocol | None) -> tuple[Caution, ...]:
+    """What is said of timing a contraction in a recording with a protocol."""
     said = (
         "the protocol is one of work loops, in which the length changes; a twitch or a tetanus is timed at one length"
     )
-    return Contraction(path_of(recording), timing, protocol, (Caution(said, "protocol"),) if loop else ())
+    return (Caution(said, "protocol"),) if protocol is not None and protocol.kind == "work loop" else ()
 
 
 @dataclass(frozen=True)
@@ -205,15 +209,22 @@ def work_loops(
     record = read_any(recording, **(read or {})).recording
     with naming_file(recording):
         loops = lever.lever_loops(record, cut=cut, keep=numbers, frequency=per_second, length=length, force=force)
-    lacking, some = lever.missing_cycles(record, length=length), lever.partial_cycles(loops)
-    which, are = ("cycle", "is") if len(some) == 1 else ("cycles", "are")
-    odd = f"{which} {' and '.join(map(str, some))} {are} longer or shorter than the others, and in the mean"
-    said = collect(
-        Caution(lacking, "cycles") if lacking else None,
-        Caution(f"{odd}; {{keep}} takes others", "keep") if some else None,
-    )
+    said = cautions_of_cycles(record, loops, length=length)
     starts = tuple(float(record.time[one.start]) for one in loops)
     return WorkLoops(path_of(recording), cut, loops, starts, lever.stated_protocol(record), said)
+
+
+def cautions_of_cycles(
+    record: Recording, loops: Sequence[lever.LeverLoop], *, length: str, taken: str = "in the mean; {keep} takes others"
+) -> tuple[Caution, ...]:
+    """What is said of cycles of a muscle lever: that some are missing, or longer or shorter than the others."""
+    lacking, some = lever.missing_cycles(record, length=length), lever.partial_cycles(loops)
+    which, are = ("cycle", "is") if len(some) == 1 else ("cycles", "are")
+    odd = f"{which} {' and '.join(map(str, some))} {are} longer or shorter than the others, and {taken}"
+    return collect(
+        Caution(lacking, "cycles") if lacking else None,
+        Caution(odd, "keep") if some else None,
+    )
 
 
 def cycle_numbers(words: str) -> tuple[int, ...]:

@@ -320,6 +320,28 @@ def closed_area(length: np.ndarray, tension: np.ndarray) -> float:
     return float(0.5 * np.sum((np.roll(x, -1) - x) * (np.roll(y, -1) + y)))
 
 
+def path_work(length: np.ndarray, tension: np.ndarray) -> float:
+    """Work of a muscle along a path that need not close, the integral of -F dL by trapezoids [J].
+
+    Args:
+        length: (n,) [m] in order of time.
+        tension: (n,) [N].
+    """
+    return -float(np.trapezoid(tension, length))
+
+
+def path_stiffness(length: np.ndarray, tension: np.ndarray) -> float:
+    """Slope of tension over length about the middle of a path that need not return, as of the paths of a loop [N/m].
+
+    Args:
+        length: (n,) [m] in order of time.
+        tension: (n,) [N].
+    """
+    order, low, high = np.argsort(length, kind="stable"), float(length.min()), float(length.max())
+    path = TensionPath(length[order], tension[order], _HALF_WINDOW * (high - low))
+    return _slope(path, 0.5 * (low + high), 0.25 * (high - low))
+
+
 def loop_ratio(part: TensionLoop, whole: TensionLoop) -> LoopRatio:
     """A loop over another: of a smaller range, a lower frequency, or a lubricated muscle."""
     if 0.0 in (whole.width, whole.height, whole.area):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,10 +13,10 @@ from ..answers import Answer, Caution, Column, Table
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import with_unit
-from ..recordings import Recording, read_recording
+from ..recordings import Recording, read_any
 from ..recordings.files import naming_file, path_of, select_between
-from ..verbs import ChannelName, Count, RecordingFiles, Time, verb
-from .channels import Interval, find_cycles, finite, known, linear_fit
+from ..verbs import ChannelName, Count, Reading, RecordFiles, Time, verb
+from .channels import Interval, choose_channel, find_cycles, finite, known, linear_fit
 
 
 class Spread(NamedTuple):
@@ -162,6 +162,7 @@ class CourseRepeatability(Answer):
         peaks: spread of the largest values.
         drift: slope of a straight line through the largest values, per repetition; None of two.
         cautions: about values that can only be slips.
+        guessed: channels that were not named, by their parameter.
     """
 
     files: tuple[str | None, ...]
@@ -173,6 +174,7 @@ class CourseRepeatability(Answer):
     peaks: Spread
     drift: Interval | None
     cautions: tuple[Caution, ...] = ()
+    guessed: Mapping[str, str] = field(default_factory=dict)
 
     def rows(self) -> list[dict[str, JsonValue]]:
         """The largest value of each repetition."""
@@ -213,44 +215,60 @@ class CourseRepeatability(Answer):
         title = f"{self.channel} over {of.repetitions} {self.each}s"
         return [Table(title, (Column("name", ""), Column("value", "", right=True), Column("remark", "")), rows)]
 
+    def remarks(self) -> list[str]:
+        """Which channels were taken where none was named."""
+        words = [f"{{{role}}} names another channel than {name}" for role, name in self.guessed.items()]
+        return [f"Chosen by name and unit: {'; '.join(words)}."] if words else []
+
 
 @verb
 def repeatability(
-    recordings: RecordingFiles,
+    recordings: RecordFiles,
     *,
-    channel: ChannelName = "tension",
-    drive: ChannelName = "span",
+    channel: ChannelName | None = None,
+    drive: ChannelName | None = None,
     skip: Count = 0,
     start: Time | None = None,
     end: Time | None = None,
+    read: Reading | None = None,
 ) -> CourseRepeatability:
     """Report how well cycles or runs repeat each other.
 
     Cycles are compared at equal phase, runs at equal time. The drift is the slope of a straight line through the peaks.
 
     Args:
-        recordings: one recording with cycles, or several runs alike.
-        channel: channel that is compared.
-        drive: channel that has the cycles, of one recording.
+        recordings: one recording with cycles, or several runs alike, in files of any format; runs of one file count as such.
+        channel: channel that is compared; the tension by default.
+        drive: channel that has the cycles, of one recording; the length by default.
         skip: number of first cycles that are left out.
         start: time from which on samples are used [s], such as '2 s'.
         end: time up to which samples are used [s], such as '5 s'.
+        read: how files of another program are understood, with parameters of `analysis.description.describe_file`.
 
     Raises:
-        InputError: a channel is missing, there are fewer than two full cycles, or runs do not overlap in time.
+        InputError: a channel is missing or not clear, there are fewer than two full cycles, or runs do not overlap in time.
     """
     if skip < 0:
         raise InputError("skip", skip, "must be 0 or more")
     sources = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     if not sources:
         raise InputError("recordings", None, "must be one or several")
-    records = [select_between(read_recording(one), start, end) for one in sources]
-    one = len(records) == 1
-    for source, record in zip(sources, records, strict=True):
+    guessed = tuple(role for role, name in (("channel", channel), ("drive", drive)) if name is None)
+    records: list[Recording] = []
+    for source in sources:
+        record = read_any(source, **(read or {})).recording
         with naming_file(source):
-            for name in (channel, drive) if one else (channel,):
-                known(record, name)  # refuses what the file has not, before parameters of that name are looked at
+            channel = channel or ("tension" if "tension" in record else choose_channel(record, "tension"))
+            known(record, channel)  # refuses what the file has not, before parameters of that name are looked at
+            if len(sources) == 1 and len(record.runs) == 1:
+                drive = drive or ("span" if "span" in record else choose_channel(record, "length"))
+                known(record, drive)
+            records += [select_between(run, start, end) for run in record.runs]
+    one = len(records) == 1
+    assert channel is not None
+    guessed = tuple(role for role in guessed if one or role == "channel")
     if one:
+        assert drive is not None
         compared = between_cycles(records[0], channel=channel, drive=drive, skip=skip)
     else:
         compared = between_runs(records, channel=channel)
@@ -267,4 +285,5 @@ def repeatability(
         compared,
         spread(compared.peaks),
         drift,
+        guessed={role: channel if role == "channel" else str(drive) for role in guessed},
     )

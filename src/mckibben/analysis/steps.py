@@ -5,6 +5,7 @@ For every step of the command, with the level before it and the level at which t
     delay       from the command to the onset
     transition  from the onset until 90 % of the step is reached for the first time: "rise 0-90 %" and, of a falling
                 step, "fall 100-10 %"
+    settling    from the command until the channel stays within 5 % of the step about its final level
 Levels are medians over the last fifth of the time before the step and before the next one. Spikes are kept out by a
 running median of five samples, which leaves steady rises as they are; where noise is larger than the threshold allows, the
 threshold is four standard deviations of the level before the step, and it is reported. Passings lie between samples
@@ -30,12 +31,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..estimation import Estimate, uncertainty, widening
 from ..recordings import Recording
 from .channels import held_against_spikes, known
 
 ONSET = 0.02
 REACHED = 0.9
 SETTLED = 0.01
+SETTLING_BAND = 0.05  # of the step about its final level, within which a channel has settled [1]
 LAST = 0.2  # of the time after a step, over which its level is taken [1]
 _NOISE = 4.0
 
@@ -62,6 +65,9 @@ class StepResponse(NamedTuple):
     until: float  # when the next step or the end of the record comes [s]
     drift: float  # change over the last fifth before that, over the step [1]
     settled: bool  # whether that is nothing, or noise
+    settling_time: float = float(
+        "nan"
+    )  # command until the channel stays within 5 % of the step; NaN if not settled [s]
 
     @property
     def step(self) -> float:
@@ -180,9 +186,15 @@ def _response(
     start = _between(t, share, int(below[-1]) + 1, threshold)
     end = _between(t, share, done, shares[1])
     drift, settled = settling(time[final], raw[final], size)
+    # noise that reaches further than the band would keep it from ever settling
+    outside = np.flatnonzero(np.abs(share - 1.0) > max(SETTLING_BAND, threshold))
+    last_out = int(outside[-1]) if outside.size else 0
+    rests = settled and last_out + 1 < len(t)
+    at = _between(t, np.abs(share - 1.0), last_out + 1, max(SETTLING_BAND, threshold)) if rests else float("nan")
     return StepResponse(
-        step.time, start, start - step.time, end - start, before, after, threshold, step.until, drift, settled
-    )
+        step.time, start, start - step.time, end - start, before, after, threshold, step.until, drift, settled,
+        at - step.time,
+    )  # fmt: skip
 
 
 def settling(time: np.ndarray, values: np.ndarray, step: float) -> tuple[float, bool]:
@@ -253,6 +265,27 @@ def _between(time: np.ndarray, share: np.ndarray, after: int, level: float) -> f
     """Time at which the line from the sample before `after` to it passes a level [s]."""
     low, high = share[after - 1], share[after]
     return float(time[after - 1] + (level - low) / (high - low) * (time[after] - time[after - 1]))
+
+
+def pressure_decay(time: np.ndarray, pressure: np.ndarray) -> Estimate:
+    """Share of its pressure that a shut muscle loses per second: a straight line through it over its mean [1/s].
+
+    Args:
+        time: (n,) [s].
+        pressure: gauge pressure (n,) [Pa].
+
+    Returns:
+        The share, none below zero, with its 95 % interval, which is wider where residuals follow one another.
+    """
+    clock = time - time[0]
+    matrix = np.column_stack([np.ones(len(clock)), clock])
+    solution = np.linalg.lstsq(matrix, pressure, rcond=None)[0]
+    error = matrix @ solution - pressure
+    spread = uncertainty(matrix, error, ("pressure", "slope"))
+    half = float(spread.quantile * spread.standard_error[1] * widening([error]))
+    mean = float(np.mean(pressure))
+    value, low, high = (max(float(-(solution[1] + side * half) / mean), 0.0) for side in (0.0, 1.0, -1.0))
+    return Estimate(value, low, high, "1/s")
 
 
 class IsometricTiming(NamedTuple):

@@ -7,7 +7,7 @@ supply, its port and the room, and a tube from the port to the muscle.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 from ..components import Environment, MemoryElement, paths
 from ..components.flow import FlowElement
@@ -202,20 +202,23 @@ def rig_unit(muscle: MuscleUnit | Muscle | Specimen | str, *, law: str | None = 
     return unit_from_specimen(muscle, law=law, tendon=rig_cord())
 
 
+NO_TUBE: Final = "none"  # stands for a valve that sits on its muscle
+
+
 class AirLine(NamedTuple):
     """Components between the supply and one muscle; omitted ones are `INFERRED`.
 
     Attributes:
         valve: an element with the ports supply, work and exhaust, driven by the signal ``<muscle>.valve``; or two
             restrictions, fill and vent, driven by ``<muscle>.fill`` and ``<muscle>.vent``.
-        tube: between the valve's port and the muscle.
-        port_volume: at the valve [m^3].
+        tube: between the valve's port and the muscle; ``"none"`` for a valve that sits on the muscle.
+        port_volume: at the valve [m^3]; without a tube it belongs to the muscle's.
         heat: heat of the gas in port and muscle.
         dead: volume of the muscle's fittings [m^3].
     """
 
     valve: Valve | None = None
-    tube: FlowElement | None = None
+    tube: FlowElement | Literal["none"] | None = None
     port_volume: float | None = None
     heat: HeatModel | None = None
     dead: float = 0.0
@@ -277,13 +280,16 @@ def _add(
     room: Environment,
     source: str,
 ) -> None:
-    port = f"{name}.port"
+    direct = line.tube == NO_TUBE
+    port = name if direct else f"{name}.port"
     wall = WallHeat(conductance=_usual("heat_conductance"), wall_temperature=room.temperature)
     heat = wall if line.heat is None else line.heat
     size = _usual("port_volume") if line.port_volume is None else line.port_volume
-    nodes[port] = FixedVolume(size=size, heat=heat)
+    if not direct:
+        nodes[port] = FixedVolume(size=size, heat=heat)
+    dead = line.dead + size if direct else line.dead
     nodes[name] = MovingVolume(
-        of=unit.law.braid_volume, ambient=room.pressure_abs, dead=line.dead, heat=heat, signal=f"{name}.length"
+        of=unit.law.braid_volume, ambient=room.pressure_abs, dead=dead, heat=heat, signal=f"{name}.length"
     )
     valve = line.valve
     if valve is None:
@@ -297,6 +303,8 @@ def _add(
     else:
         demand = f"must be {LINE_VALVE}, or two orifices"
         raise InputError(f"valve of {name}", type(valve).__name__, demand, where="circuit")
+    if isinstance(line.tube, str):
+        return
     tube = line.tube or LumpedTube(
         length=_usual("tube_length"), diameter=_usual("tube_diameter"), wall_temperature=room.temperature
     )

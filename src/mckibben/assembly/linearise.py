@@ -6,13 +6,14 @@ The state counts mass and pressure of every volume, and where a volume is isothe
 each other: such a machine has modes at zero that nothing excites. Memory cannot be linearised: friction is either held,
 its force constant, as while it slides one way, or stuck, each element a spring, as in small motions about a point of rest.
 Range: smooth points. At a kink, such as a regulator at its set-point, a closed valve or a tendon just slack, the model
-holds on the side that the derivative of the formula takes. A tied muscle that is taut has no state of its own.
+holds on the side that the derivative of the formula takes; `Simulation.linearise` gives the gain of a stated amplitude. A
+tied muscle that is taut has no state of its own.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,12 +62,7 @@ class LinearModel(NamedTuple):
 
     def modes(self, slowest: float = 1e-3) -> list[Mode]:
         """The modes faster than `slowest` [1/s], a complex pair once, the slowest first."""
-        modes = []
-        for value in self.eigenvalues():
-            size = abs(value)
-            if size > slowest and value.imag >= -1e-9 * size:
-                modes.append(Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value)))
-        return modes
+        return modes_of(self.eigenvalues(), slowest)
 
     def response(self, source: str, target: str, frequency: Scalar) -> np.ndarray:
         """Complex response of an output to an input [output/input] at frequencies [Hz], with the input's own rate.
@@ -93,20 +89,47 @@ class LinearModel(NamedTuple):
         Raises:
             UnreachableError: if it does not fall so far up to `highest`, or nothing passes at `lowest`.
         """
-        from scipy.optimize import brentq
+        return bandwidth_of(
+            functools.partial(self.response, source, target), f"{target} over {source}", lowest, highest
+        )
 
-        grid = np.geomspace(lowest, highest, 2000)
-        size = np.abs(self.response(source, target, grid))
-        edge = size[0] / np.sqrt(2.0)
-        below = np.flatnonzero(size < edge)
-        if not (edge > 0.0 and below.size):
-            raise UnreachableError(
-                f"{target} over {source} does not fall by 3 dB between {lowest:g} and {highest:g} Hz; it is "
-                f"{size[0]:.3g} at the one and {size[-1]:.3g} at the other"
-            )
-        i = int(below[0])
-        excess = lambda f: float(np.abs(self.response(source, target, f))[0] - edge)  # noqa: E731
-        return float(brentq(excess, grid[i - 1], grid[i], rtol=1e-10))
+
+def modes_of(eigenvalues: np.ndarray, slowest: float = 1e-3) -> list[Mode]:
+    """The modes of eigenvalues that are faster than `slowest` [1/s], a complex pair once, in their order."""
+    sizes = np.abs(eigenvalues)
+    kept = (sizes > slowest) & (eigenvalues.imag >= -1e-9 * sizes)
+    return [
+        Mode(float(size / (2.0 * np.pi)), float(-value.real / size), complex(value))
+        for value, size in zip(eigenvalues[kept], sizes[kept], strict=True)
+    ]
+
+
+def bandwidth_of(response: Callable[[Scalar], np.ndarray], what: str, lowest: float, highest: float) -> float:
+    """Lowest frequency [Hz] at which a complex response has fallen by 3 dB from its value at `lowest`.
+
+    Args:
+        response: by frequency [Hz].
+        what: the sentence calls it.
+        lowest: where the search begins [Hz].
+        highest: where it ends [Hz].
+
+    Raises:
+        UnreachableError: if it does not fall so far, or nothing passes at `lowest`.
+    """
+    from scipy.optimize import brentq
+
+    grid = np.geomspace(lowest, highest, 2000)
+    size = np.abs(response(grid))
+    edge = size[0] / np.sqrt(2.0)
+    below = np.flatnonzero(size < edge)
+    if not (edge > 0.0 and below.size):
+        raise UnreachableError(
+            f"{what} does not fall by 3 dB between {lowest:g} and {highest:g} Hz; it is "
+            f"{size[0]:.3g} at the one and {size[-1]:.3g} at the other"
+        )
+    i = int(below[0])
+    excess = lambda f: float(np.abs(response(f))[0] - edge)  # noqa: E731
+    return float(brentq(excess, grid[i - 1], grid[i], rtol=1e-10))
 
 
 def linearise(
@@ -132,7 +155,7 @@ def linearise(
         friction: ``held`` or ``stuck``, for friction, creep and wraps.
 
     Raises:
-        InputError: names a signal or an output that the machine does not have.
+        InputError: names a signal or an output that the machine does not have, or an input on which nothing depends.
     """
     if friction not in ("held", "stuck"):
         raise InputError("friction", friction, "must be held or stuck", where="linearise")
@@ -148,10 +171,21 @@ def linearise(
     moving = _moving(machine, state, states)
     columns = [n + end for n in inputs_by_name for end in ("", RATE_SUFFIX)]
     into, through = np.array(b), np.array(d)
-    kept = [i for i in range(len(columns)) if i % 2 == 0 or np.any(into[:, i]) or np.any(through[:, i])]
+    acts = into.any(axis=0) | through.any(axis=0)
+    for name, acting in zip(inputs_by_name, acts.reshape(-1, 2).any(axis=1), strict=True):
+        if not acting:
+            raise _idle_input(name, inputs)
+    kept = [i for i in range(len(columns)) if i % 2 == 0 or acts[i]]
     model_names = Names(tuple(states[i] for i in moving), tuple(columns[i] for i in kept), tuple(outputs))
     state_by_input = matrix[np.ix_(moving, moving)], into[np.ix_(moving, kept)]
     return LinearModel(*state_by_input, np.array(c)[:, moving], through[:, kept], model_names)
+
+
+def _idle_input(name: str, inputs: Mapping[str, Value]) -> InputError:
+    """The error for an input on which nothing depends, such as the command of a valve that takes it late by another name."""
+    late = [other for other in inputs if other != name and other.startswith(f"{name}.")]
+    would = f"; {', '.join(late)} would do" if late else ""
+    return InputError("input", name, f"moves nothing about this point{would}", where="linear model")
 
 
 def _moving(machine: Machine | Circuit, state: Tree, states: tuple[str, ...]) -> list[int]:

@@ -16,7 +16,7 @@ from ..engine.signals import Value
 from ..errors import InputError
 from ..muscles.law import law_name
 from ..pneumatics.circuit import Circuit, exergies
-from ..pneumatics.volume import MovingVolume
+from ..pneumatics.volume import MovingVolume, MuscleGas
 from .loads import Load, SpanState
 from .loads.load import mode_bound
 from .machine_array import ALONE, JoinedParts, MachineCoupling, at_rest, find_coupling
@@ -56,16 +56,19 @@ class Machine(JoinedParts):
                 raise InputError(f"{name}.law", law, demand, where="machine", sentence=said)
         if sorted(load.muscles()) != sorted(units):
             raise InputError("load", ", ".join(load.muscles()), f"must hold {', '.join(units)}", where="machine")
+        # Law and room stand once among the parameters, with the muscle and the environment: what changes them changes all.
+        muscles: dict[str, Any] = {name: circuit.nodes[name] for name in units}
+        gases = {name: MuscleGas(dead=n.dead, heat=n.heat, signal=n.signal) for name, n in muscles.items()}
+        circuit = circuit.replace(nodes={**circuit.nodes, **gases})
         return cls(circuit, dict(units), load, environment or Environment())
 
     @property
     def joined(self) -> Circuit:
         """The circuit with the muscles' present laws in their nodes: a law is changed in one place, force and volume."""
-        laws = {
-            name: self.circuit.nodes[name].replace(of=unit.law.braid_volume, ambient=self.environment.pressure_abs)
-            for name, unit in self.units.items()
-        }
-        return self.circuit.replace(nodes={**self.circuit.nodes, **laws})
+        room, nodes = self.environment.pressure_abs, dict[str, Any](self.circuit.nodes)
+        for name, unit in self.units.items():
+            nodes[name] = nodes[name].within(unit.law.braid_volume, room)
+        return self.circuit.replace(nodes=nodes)
 
     def signals(self) -> tuple[str, ...]:
         """Names of all signals that it needs."""

@@ -86,6 +86,13 @@ def plumbings() -> Iterator[tuple[str, str]]:
     yield from ((name, f"of the rig {' and '.join(of)}") for name, of in named.items())
 
 
+def controllers() -> Iterator[tuple[str, str]]:
+    """Names of the controllers that ship."""
+    from ..control.controllers import CONTROLLERS
+
+    yield from ((name, "") for name in CONTROLLERS)
+
+
 def words(*known: str) -> Callable[[], Iterable[tuple[str, str]]]:
     """A fixed list of names."""
     return lambda: ((word, "") for word in known)
@@ -134,6 +141,9 @@ KINDS: dict[str, ParameterType] = QUANTITIES | {
     "SCHEDULER": ParameterType(names=words("dask", "processes", "serial", "tcp://")),
     "KIND": ParameterType(names=words("map", "recording")),
     "MARK": ParameterType(names=words(".", ",")),
+    "CONTROLLER": ParameterType(names=controllers, suffixes=(".py",), listed=True),
+    "BENCH": ParameterType(names=words("B1", "J1")),
+    "REFERENCE": ParameterType(names=words("R1", "R2", "R3", "R4")),
     "CYCLE": ParameterType(names=words("maximal", "isotonic", "valve")),
     "LEVEL": ParameterType(names=words("rest", "zero")),
     "POINT": ParameterType(names=words("L0", "peak", "trough")),

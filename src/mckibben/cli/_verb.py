@@ -59,7 +59,7 @@ class Shorthand(NamedTuple):
 class Written(NamedTuple):
     """An option that names a file to write, beside ``--out``."""
 
-    suffix: str
+    suffixes: tuple[str, ...]
     about: str
     write: Callable[[Any, Path], object]
 
@@ -129,7 +129,7 @@ class VerbCommand:
             parameters += [_keyword("width", FigureWidth, None), _keyword("look", FigureLook, "screen")]
         for name, written in self.written.items():
             kind = Annotated[Path | None, typer.Option(f"--{name}", metavar="OUT", help=written.about)]
-            parameters.append(_keyword(name, kind, None))
+            parameters.append(_keyword(name.replace("-", "_"), kind, None))
         if self.top:
             rows = typer.Option("--top", metavar="N", min=1, help="Number of rows shown of each ranking.")
             parameters.append(_keyword("top", Annotated[int, rows], self.top))
@@ -173,9 +173,9 @@ class VerbCommand:
         verb = verbs.described(self.place)
         as_json, top = values.pop("as_json"), values.pop("top", None)
         paths = values.pop("out") if self.outputs.kinds else None
-        beside = {name: values.pop(name) for name in self.written}
+        beside = {name: values.pop(name.replace("-", "_")) for name in self.written}
         for name, path in beside.items():
-            writable(f"--{name}", path, self.written[name].suffix)
+            writable(f"--{name}", path, *self.written[name].suffixes)
         with self.outputs.files(paths) as files:
             if self.check is not None:
                 self.check(values, files)

@@ -100,6 +100,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "List valves, tubes, gas sources, laws and muscles with numbers, units and sources.",
     ),
     "size": ("verb_commands:size", "Find the muscle, valve, tube and gas source for a force and a stroke."),
+    "control": (
+        "verb_commands:control",
+        "Score controllers on a bench: median and worst on plants that they were not built on.",
+    ),
     "sweep": (
         "verb_commands:sweep",
         "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr.",
@@ -147,6 +151,26 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "record energy": (
         "verb_commands:record_energy",
         "Account for the exergy of a recording: supply, losses and shaft work.",
+    ),
+    "record loops": (
+        "verb_commands:record_loops",
+        "Measure each loop of tension over length: work, friction, width, height and stiffness.",
+    ),
+    "record work": (
+        "verb_commands:record_work",
+        "Compute the work and power of a muscle in each cycle, or along the whole record where there is no cycle.",
+    ),
+    "record stiffness": (
+        "verb_commands:record_stiffness",
+        "Measure the stiffness about the middle of each loop, or of one pull where there is no loop.",
+    ),
+    "record steps": (
+        "verb_commands:record_steps",
+        "Time how pressure and tension follow each step of a command, or a muscle its stimulus: delay, rise and settling.",
+    ),
+    "record leak": (
+        "verb_commands:record_leak",
+        "Measure how fast the pressure of a shut muscle falls, and how much air that is.",
     ),
     "record frequency": (
         "verb_commands:record_frequency",

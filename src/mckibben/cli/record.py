@@ -45,7 +45,9 @@ REPAIRED = OutputKinds(recording=KEPT_RECORDING)
 File = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording of mckibben (.nc, .csv or .mcap).")]
 Files = Annotated[
     list[Path],
-    typer.Argument(metavar="RECORDING", help="Recordings (.nc, .csv or .mcap), or the folder of a sweep, to compare."),
+    typer.Argument(
+        metavar="RECORDING", help="Recordings or a file of any format, or the folder of a sweep, to compare."
+    ),
 ]
 
 
@@ -54,10 +56,15 @@ def plot(
     out: Annotated[list[Path], PICTURE.option()],
     channels: Annotated[
         str | None,
-        typer.Option(metavar="CHANNELS", help="Channels to draw, separated by commas, such as tension,span."),
+        typer.Option(
+            "--channels", "--y", metavar="CHANNELS", help="Channels to draw, separated by commas, such as tension,span."
+        ),
     ] = None,
     against: Annotated[
-        str | None, typer.Option(metavar="CHANNEL", help="Draw over this channel instead of time, such as span.")
+        str | None,
+        typer.Option(
+            "--against", "--x", metavar="CHANNEL", help="Draw over this channel instead of time, such as span."
+        ),
     ] = None,
     label: Annotated[str | None, typer.Option(metavar="LABEL", help="Draw only steps with this label.")] = None,
     case: Annotated[
@@ -77,6 +84,8 @@ def plot(
     ] = None,
     column: Column = None,
     unit: Unit = None,
+    scale: Scale = None,
+    period: Period = None,
     width: FigureWidth = None,
     look: FigureLook = "screen",
     as_json: Json = False,
@@ -84,6 +93,8 @@ def plot(
     """Draw a recording over time, or one channel over another; of several recordings or a sweep their loops.
 
     $ mckibben record plot loop.nc --against span --out loop.svg
+
+    $ mckibben record plot machine.csv --x span --y force --out pull.svg
     """
     with PICTURE.files(out) as files:
         if measured is not None or len(file) > 1 or file[0].is_dir():
@@ -96,8 +107,10 @@ def plot(
                     typer.echo(words)
                 files.say()
             return
-        known = recordings.read_recording(file[0])
-        parts = _parts(_between(known, start, end), label, pairs(case, "--case", "pressure='5 bar'"), bool(against))
+        known = recordings.read_any(file[0], **stated_columns(column, unit, scale, period)).recording
+        of_case = pairs(case, "--case", "pressure='5 bar'")
+        whole = _parts(_between(known, start, end), label, of_case, bool(against))
+        parts = [run for part in whole for run in part.runs] if against else whole
         names = None if channels is None else [n.strip() for n in channels.split(",") if n.strip()]
         if names == []:
             raise InputError("--channels", channels, "must be names of channels, parted by commas")
@@ -219,7 +232,10 @@ _READ = "File to read: a recording, a log or a file of another program, of any f
 def convert_file(
     source: Annotated[Path, typer.Argument(metavar="FILE", help=_READ)],
     target: Annotated[
-        Path, typer.Argument(metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms or .parquet).")
+        Path,
+        typer.Argument(
+            metavar="OUT", help="File to write (.nc, .csv, .mcap, .mat, .tdms, .parquet, or .zip for an RO-Crate)."
+        ),
     ],
     column: Column = None,
     unit: Unit = None,

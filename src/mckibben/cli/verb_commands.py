@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..analysis.energy_parts import EnergyAccount
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
+    from ..control.scores import ControlScores
     from ..experiments.description import ProtocolDescription
     from ..studies.circuits import CircuitDescription, CircuitRecording, CircuitResponse, FittedCircuit
     from ..studies.comparison import MuscleTable
@@ -56,10 +57,16 @@ def _save_shown(answer: MuscleDescription, path: Path) -> None:
 show = VerbCommand(
     "studies.description:describe_muscle",
     OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN),
-    ("show nylon --out nylon.svg",),
+    ("show nylon --out nylon.svg", "show nylon --data-sheet nylon.html"),
     draw=_draw_law,
     writes={"specimen": _save_shown},
-)
+    written={
+        "data-sheet": Written(
+            REPORT, "Write a data sheet on one page, in the terms of makers' sheets, into this .html or .pdf file.",
+            lambda answer, path: answer.data_sheet(path),
+        )
+    },
+)  # fmt: skip
 
 
 def _save_braid(answer: BraidDescription, path: Path) -> None:
@@ -185,7 +192,7 @@ size = VerbCommand(
     writes={"specimen": _save_sized},
     written={
         "circuit": Written(
-            ".toml", "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
+            (".toml",), "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
         )
     },
     top=5,
@@ -357,6 +364,28 @@ joint = VerbCommand(
     draw=_draw_joint,
     writes={"recording": _write_recording},
     around=_joint_bar,
+)
+
+
+def _draw_control(answer: ControlScores, path: Path) -> None:
+    from ..report.figures import control_figures, style
+
+    style.save(control_figures.control_figure(answer), path)
+
+
+@contextlib.contextmanager
+def _control_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    with _progress.progress("controllers", 1.0) as bar:
+        yield {"progress": lambda done, total: bar.reached(done, total, f"{done} of {total} runs")}
+
+
+control = VerbCommand(
+    "control.scores:score",
+    DRAWN,
+    ("control --controller memory-inverse,mpc --bench B1 --reference R2 --plants 2 --out control.svg",),
+    options={"controller": "controller"},
+    draw=_draw_control,
+    around=_control_bar,
 )
 
 
@@ -543,6 +572,18 @@ record_frequency = VerbCommand(
     options=TIMES | {"source": "input", "target": "output"},
     draw=_draw_response,
 )
+ROLES = {name: f"{name}_channel" for name in ("length", "tension", "pressure", "command")}  # of channels
+
+
+def _question(name: str, *examples: str) -> VerbCommand:
+    return VerbCommand(f"analysis.questions:{name}", ANSWERED, examples, options=TIMES | ROLES)
+
+
+record_loops = _question("loops", "record loops loop.nc --skip 1", "record loops pulls.csv --tension-channel cell")
+record_work = _question("work", "record work loop.nc --out work.csv")
+record_stiffness = _question("stiffness", "record stiffness loop.nc")
+record_steps = _question("steps", "record steps steps.nc --command-channel valve.command")
+record_leak = _question("leak", "record leak shut.csv --gas-volume '200 ml' --from '40 s'")
 record_contraction = VerbCommand(
     "analysis.lever_answers:contraction",
     ANSWERED,

@@ -441,7 +441,8 @@ def read_spreadsheet(
 
     Args:
         path: the file.
-        sheet: name, or number from 1; by default the only one with rows of numbers.
+        sheet: name, or number from 1; by default the only one with rows of numbers. A range of cells of it, such as
+            ``Data!B4:E60``, or ``B4:E60`` of the only one, leaves out what stands around.
         decimal: decimal mark of numbers that are texts in the sheet.
         header: names of the columns with their units, see `table_of_rows`.
 
@@ -450,15 +451,17 @@ def read_spreadsheet(
     """
     where = str(path)
     calamine = library("python_calamine", "Spreadsheets need", where=where)
+    cells = _CELLS.fullmatch(sheet) if isinstance(sheet, str) else None
     with unreadable("a spreadsheet", where):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as packed:
                 check_unpacked(0.25 * sum(one.file_size for one in packed.infolist()))  # most of it is tags
         book = calamine.CalamineWorkbook.from_path(where)
         names = list(book.sheet_names)
-        filled = {
-            name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in _asked(names, sheet, where)
-        }
+        asked = _asked(names, cells["sheet"] if cells and sheet not in names else sheet, where)
+        filled = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in asked}
+    if cells and sheet not in names:
+        filled = {name: _inside(rows, cells, where) for name, rows in filled.items()}
     tables = {name: _texts_with_points(rows, decimal, where) for name, rows in filled.items()}
     tables = {
         name: [(i, row) for i, row in rows if any(row) and not row[0].startswith("#")] for name, rows in tables.items()
@@ -483,6 +486,24 @@ def read_spreadsheet(
     rows = [(n, row[used[0] : used[-1] + 1]) for n, row in rows]
     table = table_of_rows(rows, where, decimal=".", header=header)
     return table._replace(notes={**table.notes, "sheet": name}, remarks=[*remarks, *table.remarks])
+
+
+_CELLS = re.compile(r"(?:'?(?P<sheet>[^!]+?)'?!)?\$?([A-Za-z]{1,3})\$?(\d+):\$?([A-Za-z]{1,3})\$?(\d+)")
+
+
+def _inside(rows: Sequence[Sequence[Any]], cells: re.Match[str], where: str) -> list[list[Any]]:
+    """The cells of a sheet with those outside of a range blank, so that rows keep their numbers."""
+    left, right = (
+        sum((ord(c) - 64) * 26**i for i, c in enumerate(reversed(cells[k].upper()))) for k in (2, 4)
+    )  # columns from 1
+    top, bottom = int(cells[3]), int(cells[5])
+    kept = [
+        [cell if top <= i <= bottom and left <= j <= right else "" for j, cell in enumerate(row, 1)]
+        for i, row in enumerate(rows, 1)
+    ]
+    if not any(cell not in ("", None) for row in kept for cell in row):
+        raise InputError("sheet", cells[0], "must be a range that holds cells, such as 'Data!B4:E60'", where=where)
+    return kept
 
 
 def sheet_names(path: Path) -> list[str]:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
 from .build import from_specimen, law, law_from_specimen
-from .law import LawState, TensionLaw
+from .law import LawState, PressureLaw, TensionLaw
 from .laws import LAWS, law_type
 from .muscle import Muscle
 
@@ -22,6 +22,7 @@ __all__ = [
     "LawState",
     "Muscle",
     "Tendon",
+    "PressureLaw",
     "TensionLaw",
     "braid_laws",
     "from_specimen",

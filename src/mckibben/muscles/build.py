@@ -25,6 +25,7 @@ from .evidence import check_geometry, measured_rest_lengths
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import TensionLaw
 from .laws import LAWS, law_key, law_type
+from .learned import LearnedResidual
 from .muscle import Muscle
 
 
@@ -55,7 +56,8 @@ def law_from_specimen(
         if key not in units:
             raise InputError(field, None, f"{name} has", known=units, where=spec.where)
         parameters[key] = number.si(units[key], field=field, where=spec.where)
-    return build_law(name, parameters | changes, where=spec.where or spec.id)
+    built = build_law(name, parameters | changes, where=spec.where or spec.id)
+    return LearnedResidual.stated(built, spec.residual, where=spec.where or spec.id) if name == spec.law else built
 
 
 SAME_REST_LENGTH = 1e-9  # share by which two rest lengths differ that are the same in other units
@@ -93,6 +95,9 @@ def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tupl
         return spec, left
     if "calibrated" in spec.between:
         said = f"must be {with_unit(whole, 'm')}: {spec.id} is one muscle, calibrated by readings; cut its make instead"
+        raise InputError(f"{law}.rest_length", with_unit(float(wanted), "m"), said, where=spec.where)
+    if spec.residual:
+        said = f"must be {with_unit(whole, 'm')}: the residual of {spec.id} was learned on one muscle; take its make"
         raise InputError(f"{law}.rest_length", with_unit(float(wanted), "m"), said, where=spec.where)
     if not law_type(law).any_length and len(measured_rest_lengths(spec)) < 2:
         raise _of_one_length(law, whole, float(wanted), _others_of(spec), where=spec.where or spec.id)

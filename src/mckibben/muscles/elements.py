@@ -34,7 +34,7 @@ from ..components import ForceElement, Module, Scalar, field
 from ..components.element import Advanced, MemoryElement
 from ..errors import InputError
 from ..quantities import quantity
-from .hysteresis.slip import contact_energy, contact_force, per_contact
+from .hysteresis.slip import contact_energy, contact_force, per_contact, require_each
 
 
 class MaxwellChain(MemoryElement):
@@ -52,6 +52,10 @@ class MaxwellChain(MemoryElement):
 
     title = "Maxwell chain"
     cites = ("findley1976",)
+
+    def __check_init__(self) -> None:
+        """Springs are those of each element."""
+        require_each(type(self).__name__, {"stiffness": self.stiffness}, self.time_constant)
 
     @classmethod
     def geometric(cls, *, stiffness: Scalar, shortest: Scalar, longest: Scalar, elements: int = 3) -> MaxwellChain:

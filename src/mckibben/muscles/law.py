@@ -33,6 +33,7 @@ from .plausible import HIGHEST_PRESSURE
 
 # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
 THREAD_STRAIN = 0.005
+LOOKS, HALVINGS = 100, 40  # of `pressures_for`: pieces in which a crossing is sought, and halvings of that piece
 LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
@@ -285,10 +286,113 @@ class TensionLaw(Module):
         excess = lambda p: float(self.tension(float(span), p)) - tension  # noqa: E731
         return float(brentq(excess, grid[i], grid[i + 1], xtol=1e-6, rtol=1e-14))
 
+    @evaluated
+    def pressures_for(self, tension: Scalar, span: Scalar, highest: Scalar = HIGHEST_PRESSURE) -> Scalar:
+        """The lowest gauge pressures [Pa] from zero up to `highest` that give tensions, of arrays at once.
+
+        Differentiable by all arguments. Two crossings within a hundredth of the range count as none; `pressure_for` looks
+        ten times as closely, and says why there is no answer.
+
+        Args:
+            tension: wanted tensions [N], not negative.
+            span: distances between the anchors [m].
+            highest: where the search ends [Pa].
+
+        Returns:
+            Elementwise; NaN where no pressure in that range gives the tension.
+        """
+        tension, span = _together(tension, span)
+        fixed = jax.lax.stop_gradient(tension)
+        step = jnp.broadcast_to(jax.lax.stop_gradient(jnp.asarray(highest, float)) / LOOKS, tension.shape)
+        law, at = jax.lax.stop_gradient((self, span))
+        begin = law.tension(at, jnp.zeros_like(at)) - fixed
+
+        def look(i: Any, carry: tuple[Scalar, Scalar, Scalar]) -> tuple[Scalar, Scalar, Scalar]:
+            low, before, found = carry
+            now = law.tension(at, step * (i + 1.0)) - fixed
+            crosses = ((before < 0.0) & (now >= 0.0)) | ((before > 0.0) & (now <= 0.0)) | (before == 0.0)
+            new = crosses & (found == 0.0)
+            return jnp.where(new, step * i, low), now, jnp.where(new, 1.0, found)
+
+        low, _, found = jax.lax.fori_loop(0, LOOKS, look, (jnp.zeros_like(at), begin, jnp.zeros_like(at)))
+        sign = jnp.where(law.tension(at, low) - fixed <= 0.0, 1.0, -1.0)
+
+        def halve(_: int, ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
+            middle = 0.5 * (ends[0] + ends[1])
+            above = sign * (law.tension(at, middle) - fixed) >= 0.0
+            return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
+
+        # halvings to the last bits; the Newton step after them carries the derivative by the implicit function
+        start = jax.lax.stop_gradient(jax.lax.fori_loop(0, HALVINGS, halve, (low, low + step))[1])
+        force, slope = jax.jvp(lambda p: self.tension(span, p), (start,), (jnp.ones_like(start),))
+        slope = jax.lax.stop_gradient(slope)
+        move = jnp.where(slope != 0.0, (force - tension) / jnp.where(slope != 0.0, slope, 1.0), 0.0)
+        return jnp.where(found > 0.0, jnp.maximum(start - jnp.where(jnp.abs(move) < 1.0, move, 0.0), 0.0), jnp.nan)
+
     def _braid_length(self, span: Scalar, pressure: Scalar) -> Scalar:
         force, free = self.braid_tension(span, pressure), self.free_length(pressure)
         # Where nothing pulls and nothing pushes, as beyond the threads' length, the braid is as long as its span.
         return jnp.where(force > 0.0, span, jnp.where(force < 0.0, free, jnp.maximum(span, free)))
+
+
+_NODES, _WEIGHTS = (tuple(map(float, one)) for one in np.polynomial.legendre.leggauss(8))
+_STEPS = 8  # of Newton's method; each doubles the digits once it is near
+
+
+class PressureLaw(TensionLaw):
+    """A law published as the gauge pressure that a force needs at a contraction, P(F, eps); a law of your own states that.
+
+    The tension is the force at which the pressure is needed, found by Newton's method from no force on; the gas energy is
+    the integral of what the gas adds to it over the contraction, by the quadrature of Gauss at 8 nodes, so that tension
+    and volume come from one potential as of every law. Range: a pressure that rises with the force, smoothly and without
+    bound, also below zero force. Its first evaluation compiles for some seconds.
+
+    Args:
+        rest_length: at which the contraction is zero [m].
+        rest_volume: gas volume there [m^3]; forces do not depend on it.
+
+    Examples:
+        >>> import mckibben as mk
+        >>> class Published(mk.PressureLaw):
+        ...     title, cites, fitted = "published", (), ("per_force", "stiffening")
+        ...     per_force = mk.quantity("1/m^2", (1.0, 1e9), "pressure per force at rest")
+        ...     stiffening = mk.quantity("Pa", (0.0, 1e9), "pressure per contraction of the walls")
+        ...     def pressure(self, force, contraction):
+        ...         return self.per_force * force * (1.0 + 4.0 * contraction) + self.stiffening * contraction
+        ...     def length_range(self):
+        ...         return 0.7 * self.rest_length, self.rest_length
+        >>> law = Published(per_force=3000.0, stiffening=5e5, rest_length=0.3)
+        >>> round(float(law.pressure(law.braid_tension(0.27, 3e5), 0.1)))
+        300000
+    """
+
+    rest_length: Scalar = quantity("m", (1e-3, 10.0), "rest length, at which the contraction is zero", symbol="L0")
+    rest_volume: Scalar = quantity("m^3", (1e-8, 1.0), "gas volume at the rest length", symbol="V0", default=1e-4)
+
+    @abc.abstractmethod
+    def pressure(self, force: Scalar, contraction: Scalar) -> Scalar:
+        """Gauge pressure that a force [N] needs at a contraction [1], as published [Pa]."""
+
+    def elastic_tension(self, length: Scalar) -> Scalar:
+        """Force that needs no pressure [N]."""
+        return _force_for(self, 1.0 - length / self.rest_length, 0.0 * length)
+
+    def gas_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Work of the gas from the rest length on, and that of the volume there [J]."""
+        contraction = 1.0 - length / self.rest_length
+        added: Scalar = 0.0 * contraction
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            at = 0.5 * contraction * (1.0 + node)
+            added = added + 0.5 * weight * (_force_for(self, at, pressure) - _force_for(self, at, 0.0 * pressure))
+        return pressure * self.rest_volume + self.rest_length * contraction * added
+
+
+def _force_for(law: PressureLaw, contraction: Scalar, pressure: Scalar) -> Scalar:
+    force: Scalar = 0.0 * (contraction + pressure)
+    for _ in range(_STEPS):
+        slope = derivative(lambda x: law.pressure(x, contraction), force)
+        force = force + (pressure - law.pressure(force, contraction)) / slope
+    return force
 
 
 def law_name(law: object) -> str:

@@ -219,6 +219,17 @@ def steepest_slope(orifice: Orifice, a: GasState, b: GasState, *, conductance: S
     return 3.0 * c * REFERENCE_DENSITY / ((1.0 - orifice.critical_ratio) * jnp.sqrt(x * (2.0 - x)))
 
 
+def flow_of_decay(decay: float, *, volume: float) -> float:
+    """Volume flow of reference air out of a closed volume whose pressure falls [m^3/s].
+
+    Args:
+        decay: fall of pressure per time [Pa/s], positive, at the temperature of the reference atmosphere.
+        volume: volume of the vessel [m^3].
+    """
+    mass_flow = decay * volume / float(AIR.gas_constant * REFERENCE_TEMPERATURE)
+    return mass_flow / REFERENCE_DENSITY
+
+
 class Leak(TwoPort):
     """A leak between two ports, or to the atmosphere, equal in both directions.
 
@@ -263,8 +274,7 @@ class Leak(TwoPort):
             pressure: gauge pressure in it [Pa].
             ambient: absolute pressure outside [Pa].
         """
-        mass_flow = decay * volume / float(AIR.gas_constant * REFERENCE_TEMPERATURE)
-        return cls.from_flow(mass_flow / REFERENCE_DENSITY, pressure=pressure, ambient=ambient)
+        return cls.from_flow(flow_of_decay(decay, volume=volume), pressure=pressure, ambient=ambient)
 
     @classmethod
     def of_capillary(cls, *, length: float, diameter: float) -> Leak:

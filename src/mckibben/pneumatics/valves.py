@@ -286,7 +286,7 @@ class PressureRegulator(FlowElement):
         ds/dt = (u + Pset - s)/tau                                       set-point, after the dead time of the command u
         z' = clip(z, P - h/2, P + h/2)                              sensed pressure: a play of width h behind the outlet
         e = s - k ((Psup - Pexh) - Pref) - (z - Pexh)                     error
-        fill: clip(e/band, 0, 1) C_fill,   relief: clip((-e - offset)/band, 0, 1) C_relief
+        fill: clip(e/band, 0, 1) C_fill,   relief: clip((-e - offset)/relief_band, 0, 1) C_relief
 
     A regulator opens in proportion to its error, so the outlet droops by `band` on the way to full flow, and stays
     under what C_fill lets through at all. Friction of its piston and seals is a play in what it senses: an outlet that
@@ -313,6 +313,9 @@ class PressureRegulator(FlowElement):
     fill: Orifice = field(kw_only=True)
     relief: Orifice = field(kw_only=True)
     band: Scalar = quantity("Pa", (100.0, 1e7), "error at which it is fully open", typical=(5e3, 2e5))
+    relief_band: Scalar = quantity(
+        "Pa", (100.0, 1e7), "that of the relief where it has its own", typical=(5e3, 2e5), default=None
+    )
     set_pressure: Scalar = quantity(
         "Pa", (-1.1e5, 1e8), "gauge pressure it is set to by hand", symbol="Pset", typical=(0.0, 1e6), default=0.0
     )
@@ -359,7 +362,11 @@ class PressureRegulator(FlowElement):
         # the play is taken up within the step as well, so that methods and rates see the loop closed
         error = state - self.supply_effect * (supply - exhaust - self.supply_reference)
         error = error - (self.sensed(memory, outlet) - exhaust)
-        return share(error / self.band), share((-error - self.relief_offset) / self.band)
+        return share(error / self.band), share((-error - self.relief_offset) / self._bands()[1])
+
+    def _bands(self) -> tuple[Scalar, Scalar]:
+        """Errors at which fill and relief are fully open [Pa]."""
+        return self.band, self.band if self.relief_band is None else self.relief_band
 
     def initial(self) -> Tree:
         """State at the pressure set by hand."""
@@ -391,7 +398,9 @@ class PressureRegulator(FlowElement):
         """Slopes of the restrictions, and of their openings by the outlet's pressure [kg/(s Pa)]."""
         pairs = (self.fill, gas[0], gas[1]), (self.relief, gas[1], gas[2])
         growth = 1.0 + self.supply_effect
-        return tuple(_steepest_while_moving(*pair, growth, self.band) for pair in pairs)
+        return tuple(
+            _steepest_while_moving(*pair, growth, band) for pair, band in zip(pairs, self._bands(), strict=True)
+        )
 
     def delay(self) -> Scalar:
         """Dead time of the command [s]."""

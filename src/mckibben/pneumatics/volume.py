@@ -197,6 +197,25 @@ class MovingVolume(Chamber):
         return VolumeState(value + self.dead, per_pressure, per_length * velocity)
 
 
+class MuscleGas(MovingVolume):
+    """The gas of a muscle in the circuit of a machine: its law stands with the muscle, and the room with the environment."""
+
+    of: Callable[[Any, Any], Any] | None = field(static=True, kw_only=True, default=None)  # type: ignore[assignment]
+    ambient: Any = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=None)
+
+    def within(self, of: Callable[[Any, Any], Any], ambient: Scalar) -> MovingVolume:
+        """The volume by a law in a room at an absolute pressure [Pa]."""
+        return MovingVolume(of=of, ambient=ambient, dead=self.dead, heat=self.heat, signal=self.signal)
+
+    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
+        """Not known here.
+
+        Raises:
+            TypeError: always; see `within`.
+        """
+        raise TypeError("the circuit of a machine does not know the volumes of its muscles; Machine.joined does")
+
+
 @evaluated
 @jit  # traced once for all that asks for it
 def volume_of(node: Chamber, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:

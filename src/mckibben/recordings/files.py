@@ -14,6 +14,7 @@
 | ``.tdms`` | of mckibben and of other programs | all | npTDMS |
 | ``.parquet`` | of mckibben and of other programs | all | polars |
 | ``.ddf`` | of Aurora Scientific's DMC, the muscle lever | | |
+| ``.zip`` | RO-Crates of mckibben | all, as data repositories take it | |
 
 Further formats come from other packages: see `mckibben.formats.registry`. What the columns of a table mean is decided in
 `mckibben.formats.columns`.
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -43,8 +44,10 @@ from .force_map import (
     ForceMap,
     choose_map_columns,
     even_table,
+    map_and_table,
     map_of_table,
     read_force_map,
+    series_files,
     unit_of,
     unpivoted,
 )
@@ -115,6 +118,8 @@ def read(
     branch: str | None = None,
     pressure_zero: float | str = 0.0,
     ambient: float | str = AMBIENT,
+    pressure: float | str | Sequence[float | str] | None = None,
+    length_zero: float | str | Sequence[float | str] | None = None,
     kind: Literal["map", "recording"] | None = None,
     **options: JsonValue,
 ) -> ForceMap | Recording:
@@ -128,7 +133,7 @@ def read(
         recording = mk.read("bag.mcap")
 
     Args:
-        path: the file.
+        path: the file; of a testing machine that writes one for each pressure the folder, or a pattern of names.
         columns: ``length``, ``contraction``, ``pressure``, ``force``, ``time``, or a channel name -> label of its column, or
             its number from 1, where the file uses other names.
         units: the same -> unit in words, where the file states none or a wrong one of the same kind.
@@ -138,10 +143,15 @@ def read(
         branch: of a force map, keep only the rows whose branch column has this value.
         pressure_zero: reading of the gauge pressures at zero [Pa], or text; it is subtracted.
         ambient: environment pressure [Pa], or text.
+        pressure: gauge pressure of a force map without such a column [Pa], of several files one for each in the order of
+            their names, such as ``"1 bar, 3 bar"``; by default that in the head or the name of each.
+        length_zero: length of the muscle where the length column reads zero [m], one or one for each file; by default that
+            in the head.
         kind: ``"map"`` or ``"recording"``, where the file could be both.
         options: options of the format: ``decimal`` of a text, its decimal mark; ``header`` of a text or a sheet, the names
             of its columns with their units, such as ``"time [ms], pressure [bar]"``; ``sheet`` of a spreadsheet (name or
-            number from 1), ``gear_ratio`` of a ``.ddf`` file, ``topic`` of a bag or an MCAP file.
+            number from 1, or a range of cells such as ``"Data!B4:E60"``), ``gear_ratio`` of a ``.ddf`` file, ``topic`` of a
+            bag or an MCAP file.
 
     Returns:
         A `ForceMap` where the columns are those of a map, a `Recording` where there is a time.
@@ -158,7 +168,8 @@ def read(
     """
     return understand(
         path, columns=columns, units=units, scales=scales, rest_length=rest_length, period=period, branch=branch,
-        pressure_zero=pressure_zero, ambient=ambient, kind=kind, **options,
+        pressure_zero=pressure_zero, ambient=ambient, pressure=pressure,
+        length_zero=length_zero, kind=kind, **options,
     ).data  # fmt: skip
 
 
@@ -173,6 +184,8 @@ def understand(
     branch: str | None = None,
     pressure_zero: float | str = 0.0,
     ambient: float | str = AMBIENT,
+    pressure: float | str | Sequence[float | str] | None = None,
+    length_zero: float | str | Sequence[float | str] | None = None,
     kind: Literal["map", "recording"] | None = None,
     **options: JsonValue,
 ) -> FileReading:
@@ -194,6 +207,15 @@ def understand(
     of_map: dict[str, Any] = {
         "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,
     }  # fmt: skip
+    several = series_files(path) if kind != "recording" else []
+    if kind == "recording" and (pressure is not None or length_zero is not None):
+        option = "length_zero" if pressure is None else "pressure"
+        raise InputError(option, None, "is for a force map, and this is read as a recording", where=str(path))
+    if several or pressure is not None or length_zero is not None:
+        points, table = map_and_table(path, of_map, pressure, length_zero, options)
+        first = format_of(path)
+        title = f"{len(several)} files" if several else first.title if first is not None else ""
+        return FileReading(points, title, _map_uses(table, columns or {}, units or {}), points.remarks, {})
     content = load(path, **options)
     file_format = format_of(path)
     title = "folder" if file_format is None else file_format.title

@@ -20,11 +20,19 @@ from ..documents import JsonValue, write_text
 from ..errors import InputError
 from ..extras import library
 from ..formats.columns import AMBIENT, column_numbers, table_labels, without_blank_rows, without_common_prefix
-from ..formats.labels import COLUMNS, converts, parse_header, quantity_of, recognise_columns, split_reference
-from ..formats.registry import load
+from ..formats.labels import (
+    COLUMNS,
+    converts,
+    likely_columns,
+    parse_header,
+    quantity_of,
+    recognise_columns,
+    split_reference,
+)
+from ..formats.registry import format_of, load
 from ..formats.table import ForeignColumn, ForeignTable
 from ..formats.text import plain_text
-from ..quantities import to_si, with_unit
+from ..quantities import to_si, values_in_si, with_unit
 
 if TYPE_CHECKING:
     import pandas
@@ -210,12 +218,15 @@ def read_force_map(
     branch: str | None = None,
     pressure_zero: float = 0.0,
     ambient: float = AMBIENT,
+    pressure: object = None,
+    length_zero: object = None,
     **options: object,
 ) -> ForceMap:
-    r"""Read a force map from a file of any format that `read` takes, or from a recording.
+    r"""Read a force map from a file of any format that `read` takes, from a recording, or from one file per pressure.
 
     Args:
-        path: the file; rows with a blank cell in a column that is used are left out, and named in the remarks.
+        path: the file, or a folder or pattern of files that each hold one pressure; rows with a blank cell in a column that
+            is used are left out, and named in the remarks.
         rest_length: one rest length for all points [m], over a column of the file.
         columns: label of the columns of ``length``, ``pressure``, ... or their number from 1, where the header uses other
             names; ``-`` where a column that the header names so shall not be read.
@@ -223,6 +234,10 @@ def read_force_map(
         branch: keep only the rows whose branch column has this value.
         pressure_zero: what the pressure channel reads at zero gauge pressure [Pa].
         ambient: environment pressure, for a column of absolute pressures [Pa].
+        pressure: gauge pressure of a file without such a column [Pa], of several one for each in the order of their names;
+            by default that in the head or the name of each.
+        length_zero: length of the muscle where the length column reads zero [m], one or one for each file; by default that
+            in the head.
         options: options of the format, as `read` takes them.
 
     Raises:
@@ -234,10 +249,124 @@ def read_force_map(
         >>> _ = Path("map.csv").write_text("length [mm],pressure [bar],force [N]\n120,3,20\n130,3,35\n")
         >>> mk.read_force_map("map.csv", rest_length=0.14).contraction.round(3).tolist()
         [0.143, 0.071]
+        >>> _ = Path("pull 3 bar.csv").write_text("length [mm],force [N]\n-20,20\n-10,35\n")
+        >>> mk.read_force_map("pull ? bar.csv", length_zero="14 cm").length.round(3).tolist()
+        [0.12, 0.13]
     """
-    table = table_of(Path(path), **options)
-    named = {"rest_length": rest_length, "columns": columns, "units": units, "branch": branch}
-    return map_of_table(Path(path), table, pressure_zero=pressure_zero, ambient=ambient, **named)  # type: ignore[arg-type]
+    of_map: dict[str, Any] = {"columns": columns, "units": units, "rest_length": rest_length, "branch": branch}
+    of_map |= {"pressure_zero": pressure_zero, "ambient": ambient}
+    return map_and_table(Path(path), of_map, pressure, length_zero, options)[0]
+
+
+def map_and_table(
+    path: Path, of_map: Mapping[str, Any], pressure: object, length_zero: object, options: Mapping[str, object]
+) -> tuple[ForceMap, ForeignTable]:
+    """A force map and the table of it, of several files that of the first; `of_map` goes to `map_of_table`."""
+    several = series_files(path)
+    files = several or [path]
+    pressures, zeros = _one_each(pressure, "Pa", "pressure", files), _one_each(length_zero, "m", "length_zero", files)
+    maps, tables = [], []
+    for file, stated, zero in zip(files, pressures, zeros, strict=True):
+        table = table_of(file, **options)
+        if several or stated is not None or zero is not None:
+            table, zero = at_pressure(file, table, of_map["columns"] or {}, stated, zero)
+        maps.append(map_of_table(file, table, length_zero=zero, alone=not several, **of_map))
+        tables.append(table)
+    whole = ForceMap.joined(maps, path.name) if several else maps[0]
+    for quantity in LEAST_LARGEST if several else ():
+        _check_largest(quantity, getattr(whole, quantity), quantity, str(path))
+    return whole, tables[0]
+
+
+def series_files(path: Path) -> list[Path]:
+    """Files of a folder or of a pattern in the order of their names, numbers by size; none where a path is one file.
+
+    Raises:
+        InputError: a folder or a pattern has no file that can be read.
+    """
+    pattern = bool(re.search(r"[*?\[]", path.name)) and not path.exists()
+    if not pattern and not (path.is_dir() and not (path / "metadata.yaml").is_file()):
+        return []
+    found = path.parent.glob(path.name) if pattern else path.iterdir()
+    files = [one for one in found if one.is_file() and format_of(one) is not None and not one.name.startswith(".")]
+    if not files:
+        raise InputError("file", str(path), "must hold files of measured rows, one for each pressure")
+    return sorted(files, key=lambda one: [int(w) if w.isdecimal() else w for w in re.split(r"(\d+)", one.name.lower())])
+
+
+def _one_each(value: object, unit: str, field: str, files: list[Path]) -> list[float | None]:
+    """A quantity of each file [unit]: one for all, or one for each."""
+    if value is None:
+        return [None] * len(files)
+    several = values_in_si(value, unit, field=field)
+    if len(several) not in (1, len(files)):
+        names = ", ".join(one.name for one in files)
+        problem = f"must be one, or one for each of the {len(files)} files {names}; got {len(several)}"
+        raise InputError(field, None, problem)
+    return [*(several * len(files) if len(several) == 1 else several)]
+
+
+_LENGTH_ZERO = re.compile(
+    r"(?i)\b(?:gauge|grip|clamp\w*|initial|start\w*|rest|anfangs|einspann|mess|ausgangs)[ _-]?(?:length|l.{1,2}nge)\b"
+)
+_AMOUNT = re.compile(r"([-+]?\d+(?:[.,]\d+)?)[\s_;:,\[]*([a-zA-Z]+)")
+
+
+def at_pressure(
+    path: Path, table: ForeignTable, columns: Mapping[str, str | int], pressure: float | None, zero: float | None
+) -> tuple[ForeignTable, float | None]:
+    """A table that was measured at one pressure with that as a column, and the zero of its length.
+
+    Args:
+        path: of the file, whose name may say the pressure.
+        table: of the file; its head may say the pressure, and the length where the length column reads zero.
+        columns: those that are named.
+        pressure: gauge pressure, where it is stated [Pa].
+        zero: length of the muscle where the length column reads zero, where it is stated [m].
+
+    Raises:
+        InputError: head and name state several pressures or none, or a pressure is stated beside a column of it.
+    """
+    labels, where, said = table_labels(table), str(path), []
+    named = {*recognise_columns(labels), *(ALIASES.get(name, name) for name in columns)}
+    head = [str(line) for line in table.notes.get("preamble", [])]
+
+    def amounts(text: str, unit: str) -> list[tuple[float, int]]:
+        """Amounts of a unit in a text [SI], and where each begins."""
+        return [
+            (to_si(float(m[1].replace(",", ".")), m[2], unit, field="pressure"), m.start())
+            for m in _AMOUNT.finditer(text) if converts(m[2], unit)
+        ]  # fmt: skip
+
+    if pressure is not None and "pressure" in named:
+        raise InputError("pressure", with_unit(pressure, "Pa"), "is for files without a column of it", where=where)
+    if pressure is None and "pressure" not in named:
+        of_head = [line for line in head if quantity_of(re.split(r"[\s:;=,(\[]", line.strip())[0]) == "pressure"]
+        said_at = {value: "head" for line in of_head for value, _ in amounts(line, "Pa")}
+        # 2_5bar may be 2.5 bar, or 5 bar of the second muscle
+        clear = [value for value, at in amounts(path.stem, "Pa") if not re.search(r"\d[_p,-]$", path.stem[:at])]
+        said_at |= {value: "name" for value in clear if value not in said_at}
+        if len(said_at) != 1:
+            has = " and ".join(with_unit(one, "Pa") for one in said_at) or "no clear pressure"
+            problem = f"must be stated, such as '3 bar': head and name of the file say {has}"
+            raise InputError("pressure", None, problem, where=where, remedy="pressure")
+        ((pressure, place),) = said_at.items()
+        said.append(f"taken at {with_unit(pressure, 'Pa')}, as its {place} says")
+    if zero is None:
+        tails = [line[begin.end() :] for line in head if (begin := _LENGTH_ZERO.search(line))]
+        lengths = {value for tail in tails for value, _ in amounts(tail, "m")[:1]}
+        if len(lengths) == 1:
+            (zero,) = lengths
+            said.append(f"its length is counted from {with_unit(zero, 'm', 6)}, as its head says")
+    kept = list(table.columns)
+    for quantity, label in likely_columns(labels).items():  # such as Standardweg and Standardkraft
+        if quantity != "pressure" and not {quantity, "contraction" if quantity == "length" else quantity} & named:
+            at = next(i for i, one in enumerate(labels) if one.partition(" [")[0] == label)
+            kept[at] = kept[at]._replace(label=f"{quantity} [{parse_header(0, labels[at])[1].unit}]", unit=None)
+            said.append(f"{label} is taken for the {quantity}, by its unit")
+    if pressure is not None:
+        kept.append(ForeignColumn("pressure [Pa]", np.full(len(kept[0].values), pressure)))
+    return table._replace(columns=kept, remarks=[*table.remarks, *(["; ".join(said)] if said else [])]), zero
 
 
 def map_of_table(
@@ -250,8 +379,10 @@ def map_of_table(
     branch: str | None = None,
     pressure_zero: float = 0.0,
     ambient: float = AMBIENT,
+    length_zero: float | None = None,
+    alone: bool = True,
 ) -> ForceMap:
-    """Make a force map of a table; see `read_force_map`."""
+    """Make a force map of a table; see `read_force_map`. It is `alone` if it is not one of several that make a map."""
     where = str(path)
     header = _checked_header(table, where)
     units_by_name = {ALIASES.get(name, name): unit for name, unit in (units or {}).items()}
@@ -293,6 +424,13 @@ def map_of_table(
         data["pressure"] = data["pressure"] - pressure_zero
     if rest_length is not None:
         data["rest_length"] = np.full(int(keep.sum()), float(rest_length))
+    if length_zero is not None:
+        if "length" not in data and "shortening" not in data:  # a contraction in percent is of the rest length
+            data.setdefault("rest_length", np.full(int(keep.sum()), length_zero))
+        else:
+            data["length"] = (
+                length_zero - data.pop("shortening") if "shortening" in data else data["length"] + length_zero
+            )
     if "length" not in data:
         if "rest_length" not in data:
             allowed = "is missing: a contraction needs the rest length, or a column rest_length"
@@ -306,6 +444,8 @@ def map_of_table(
     for quantity in ("length", "rest_length", "diameter", "pressure", "tension"):
         if quantity in data:
             _check_plausible(quantity, data[quantity], chosen.get(quantity, quantity), where)
+            if alone:
+                _check_largest(quantity, data[quantity], chosen.get(quantity, quantity), where)
     if "length" in chosen and "rest_length" in data:
         _check_near_rest(data["length"], data["rest_length"], chosen["length"], where)
     points = ForceMap(name=path.name, remarks=(*table.remarks, *remarks), **data)
@@ -488,6 +628,11 @@ def _check_plausible(what: str, values: np.ndarray, column: str, where: str, *, 
             words = [f"{100.0 * v:g} %" for v in (low, high, worst)]
             hint = "wrong unit, rest length or column?"
         raise InputError(column, words[2], f"must be between {words[0]} and {words[1]}; {hint}", where=where)
+
+
+def _check_largest(what: str, values: np.ndarray, column: str, where: str) -> None:
+    """Refuse a map that no muscle reaches; a file of several may hold a slack one."""
+    unit = UNITS[what]
     if what in LEAST_LARGEST and values.max() < LEAST_LARGEST[what]:
         problem = f"must reach {with_unit(LEAST_LARGEST[what], unit)} or more; wrong unit, or columns swapped?"
         raise InputError(column, with_unit(float(values.max()), unit), problem, where=where)

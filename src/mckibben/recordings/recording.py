@@ -30,10 +30,15 @@ if TYPE_CHECKING:
     import xarray
 
     from ..accessors import (
+        ChannelResponse,
         ContractionTiming,
+        CourseRepeatability,
         EnergyAccount,
+        HeldPressure,
         LeverLoop,
+        RecordingNumbers,
         RecordingPlots,
+        StepResponse,
         StimulatedContraction,
         StimulatedLoop,
         TensionLoop,
@@ -310,20 +315,90 @@ class Recording:
         return parts
 
     def loops(
-        self, *, length: str = "muscle.length", tension: str = "muscle.tension", skip: int = 0
-    ) -> tuple[TensionLoop, ...]:
-        """The loop of tension over length of every full cycle: its work, friction and stiffness.
+        self, *, length: str | None = None, tension: str | None = None, skip: int = 0, **options: object
+    ) -> RecordingNumbers[TensionLoop]:
+        """The loop of tension over length of every full cycle of every run: its work, friction and stiffness.
+
+        What is answered is a sequence of the loops, with tables, medians, ranges and cautions; so are `work`, `stiffness`,
+        `steps` and `leak`. Channels that are not named are found by name and unit, and the answer says which they are.
 
         Args:
             length: name of the driven channel [m].
             tension: name of the other [N].
             skip: cycles left out at the beginning, such as the first after rest, whose history is another.
+            **options: ``start`` and ``end`` [s] of `analysis.questions.loops`.
 
         Raises:
-            InputError: a channel is missing or not finite, or there is no full cycle.
+            InputError: a channel is missing, not clear or not finite, or there is no full cycle.
+
+        Examples:
+            >>> import numpy as np
+            >>> import mckibben as mk
+            >>> time = np.linspace(0.0, 2.0, 401)
+            >>> swing = np.sin(2.0 * np.pi * time)
+            >>> channels = {"span": mk.Channel(0.12 + 0.01 * swing, "m"), "pull": mk.Channel(30.0 + 5.0 * swing, "N")}
+            >>> len(mk.Recording(time, channels).loops())
+            1
         """
-        each: tuple[TensionLoop, ...] = implementation("loops")(self, length=length, tension=tension, skip=skip)
+        each: RecordingNumbers[TensionLoop] = implementation("loops")(
+            self, length=length, tension=tension, skip=skip, **options
+        )
         return each
+
+    def work(self, **options: object) -> RecordingNumbers[float]:
+        """Work and power of every cycle, or of the whole way where there is no cycle [J], [W].
+
+        Args:
+            **options: ``length``, ``tension``, ``skip``, ``start`` and ``end`` of `analysis.questions.work`.
+        """
+        each: RecordingNumbers[float] = implementation("work")(self, **options)
+        return each
+
+    def stiffness(self, **options: object) -> RecordingNumbers[float]:
+        """Stiffness about the middle of every loop, or of one pull [N/m].
+
+        Args:
+            **options: ``length``, ``tension``, ``skip``, ``start`` and ``end`` of `analysis.questions.stiffness`.
+        """
+        each: RecordingNumbers[float] = implementation("stiffness")(self, **options)
+        return each
+
+    def steps(self, **options: object) -> RecordingNumbers[StepResponse]:
+        """Delay, rise and settling of pressure and tension after every step of a command, or of a stimulus [s].
+
+        Args:
+            **options: ``command``, ``channel``, ``start`` and ``end`` of `analysis.questions.steps`.
+        """
+        each: RecordingNumbers[StepResponse] = implementation("steps")(self, **options)
+        return each
+
+    def leak(self, **options: object) -> RecordingNumbers[HeldPressure]:
+        """Fall of the pressure of a shut muscle, with the pressure at which it holds [Pa/s], and the air [m^3/s].
+
+        Args:
+            **options: ``pressure``, ``gas_volume``, ``start`` and ``end`` of `analysis.questions.leak`.
+        """
+        each: RecordingNumbers[HeldPressure] = implementation("leak")(self, **options)
+        return each
+
+    def frequency(self, **options: object) -> ChannelResponse:
+        """Frequency response between two channels.
+
+        Args:
+            **options: ``source``, ``target``, ``resolution``, ``sines``, ``start`` and ``end`` of
+                `analysis.frequency.channel_response`.
+        """
+        response: ChannelResponse = implementation("channel_response")(self, **options)
+        return response
+
+    def repeatability(self, **options: object) -> CourseRepeatability:
+        """How well the cycles of this recording, or its runs where it has several, repeat each other.
+
+        Args:
+            **options: ``channel``, ``drive``, ``skip``, ``start`` and ``end`` of `analysis.repeatability.repeatability`.
+        """
+        courses: CourseRepeatability = implementation("repeatability")(self, **options)
+        return courses
 
     def contraction_timing(
         self, *, rising: Sequence[float] = (0.1, 0.9), relaxing: Sequence[float] | None = None, above: str = "rest"

@@ -10,14 +10,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyCurve, EnergyCycle
+from ..errors import InputError
+from ..formats.columns import AMBIENT
+from ..muscles import evidence
+from ..muscles.build import from_specimen, rest_length_of, upper_length_of
 from ..muscles.laws import law_type
+from ..pneumatics.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..quantities import from_si, with_unit
 from ..studies.characterisation.stages import STAGES
 from ..studies.characterisation.verb import Characterisation
 from ..studies.comparison.match import Match
 from ..studies.comparison.side_by_side import MuscleTable
 from ..studies.comparison.table import PropertyRow
+from ..studies.description import MuscleDescription
 from .blocks import (
     Block,
     Cite,
@@ -44,6 +52,7 @@ from .blocks import (
 from .document import Document
 from .figures import energy_figures, study_figures
 from .figures.comparison_figures import table_figure
+from .figures.muscle_figures import law_curves
 
 __all__ = ["characterisation_document", "write_characterisation_report"]
 
@@ -403,3 +412,94 @@ def energy_report(
     named = CYCLES[first.name]
     lead = f"{named[:1].upper()}{named[1:]}: what goes in, what comes out, and where the rest goes."
     return Document(f"Energy of a working cycle: {title}", sections, lead)
+
+
+# ---- data sheet
+
+SHEET_CONTRACTIONS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)  # at which a data sheet states forces
+SHEET_STEP = 1e5  # of the pressures at which it does [Pa]
+USUAL_PRESSURE = 5e5  # up to which it does, where no pressure is stated [Pa]
+NOT_STATED = "not stated"
+
+
+def write_data_sheet(found: MuscleDescription, path: str | Path) -> Path:
+    """Write the data sheet of a muscle on one page, in the terms of makers' sheets, to an ``.html`` or ``.pdf`` file.
+
+    Forces are those of the law at rest, without friction: half the hysteresis lies to either side of them.
+
+    Args:
+        found: what `studies.description.describe_muscle` found of a McKibben muscle.
+        path: of the file.
+
+    Raises:
+        InputError: it is no McKibben muscle, the ending is another, or what sets a PDF file is not installed.
+    """
+    return data_sheet(found).write(path)
+
+
+def data_sheet(found: MuscleDescription) -> Document:
+    """Build the data sheet; arguments as for `write_data_sheet`."""
+    spec, law = found.specimen, found.law
+    if spec.kind != "mckibben":
+        raise InputError("muscle", spec.id, "must be a McKibben muscle: the sheet states forces over contraction")
+
+    def stated(name: str, unit: str) -> float | None:
+        return spec.property_si(name, unit) if name in spec.properties else None
+
+    rest = rest_length_of(spec, law)
+    full = stated("rated_pressure", "Pa") or stated("highest_measured_pressure", "Pa") or USUAL_PRESSURE
+    free, upper = float(np.asarray(law.free_length(full))), upper_length_of(spec, law)
+    muscle = from_specimen(spec, found.law_name)
+    bore = stated("rest_inner_diameter", "m") or getattr(law, "rest_diameter", None)
+    size = f"{_words(float(bore), 'm', 3)} inner" if bore is not None else NOT_STATED
+    outer = stated("outer_diameter", "m")
+    size += f", {_words(outer, 'm', 3)} outer" if outer is not None else ""
+    air = NOT_STATED
+    if law.has_volume():
+        densities = [float(AIR.density(p + AMBIENT, REFERENCE_TEMPERATURE)) for p in (0.0, full)]
+        volumes = [float(np.asarray(law.volume(at, p))) for at, p in ((rest, 0.0), (free, full))]
+        used = (densities[1] * volumes[1] - densities[0] * volumes[0]) / REFERENCE_DENSITY
+        air = f"{from_si(used, 'm^3', 'l'):.2g} l at 20 °C, 1 bar and 65 % humidity"
+    friction = None if muscle.friction is None else float(np.asarray(muscle.friction.largest_force(full)))
+    leak, error = stated("leak_decay", "1/s"), evidence.error_of(spec, found.law_name)
+    within = stated("tension_uncertainty", "N")
+    accuracy = f"±{_words(within, 'N', 2)}" if within is not None else NOT_STATED if error is None else str(error)
+    weight = stated("mass", "kg")
+    burst = stated("burst_pressure", "Pa")
+    pairs = (
+        ("Design", f"contracting, braided; law {law.title}"),
+        ("Nominal length", _words(rest, "m")),
+        ("Diameter", size),
+        ("Operating pressure", f"0 to {_words(full, 'Pa', 3)}" + (f", bursts at {_words(burst, 'Pa', 3)}" if burst else "")),
+        ("Maximum contraction", f"{100.0 * (1.0 - free / rest):.3g} % of the nominal length, unloaded"),
+        ("Maximum stroke", _words(rest - free, "m", 3)),
+        ("Maximum force", f"{_words(float(np.asarray(law.tension(rest, full))), 'N')} at the nominal length"),
+        ("Maximum pretension", f"{100.0 * (upper / rest - 1.0):.2g} % beyond it" if upper > rest else NOT_STATED),
+        ("Hysteresis", NOT_STATED if friction is None else f"{_words(2.0 * friction, 'N', 2)} between both directions"),
+        ("Accuracy of the forces", accuracy),
+        ("Air per full stroke", air),
+        ("Leakage, shut off", NOT_STATED if leak is None else f"{6e3 * leak:.2g} % of the pressure per minute"),
+        ("Product weight", NOT_STATED if weight is None else _words(weight, "kg", 3)),
+    )  # fmt: skip
+    step = SHEET_STEP if full >= 3.0 * SHEET_STEP else 0.25 * full
+    pressures = step * np.arange(1, math.floor(full / step + 1e-9) + 1)
+    columns = [*map(float, pressures), *([full] if full > 1.01 * pressures[-1] else [])]
+    rows = []
+    for share in SHEET_CONTRACTIONS:
+        tensions = [float(np.asarray(law.tension((1.0 - share) * rest, p))) for p in columns]
+        rows.append(
+            TableRow((f"{100.0 * share:g} %", *(f"{t:.0f}" if t >= 100.0 else significant(t, 2) for t in tensions)))
+        )
+    heads = headed(TableColumn("Contraction", number=True), *numeric(*(_words(float(p), "Pa", 3) for p in columns)))
+    drawn = law_curves(law, title=spec.title, pressures=[float(p) for p in pressures])
+    alt = "Tension over length at each pressure, length without load over pressure, and volume where it is known."
+    cautions = tuple(one.text for one in found.cautions)
+    blocks: tuple[Block, ...] = (
+        KeyValues(pairs),
+        ReportTable(heads, tuple(rows), "Force at rest in N, over contraction and pressure; 0 where the muscle is slack"),
+        Figure(drawn, "", alt),
+        *([NoteBox("Caution", cautions)] if cautions else []),
+    )  # fmt: skip
+    papers = tuple(dict.fromkeys([*found.sources, *spec.sources]))
+    sources = (Section("Sources", (References(papers),), "papers"),) if papers else ()
+    return Document(f"{spec.title}: data sheet", (Section("Technical data", blocks, "data"), *sources), "")

@@ -15,6 +15,9 @@ from .._lazy import lazy_names
 
 if TYPE_CHECKING:
     from .air import Air as Air
+    from .estimator import Estimator as Estimator
+    from .fit import SimulationFit as SimulationFit
+    from .linear import SampledModel as SampledModel
     from .mechanisms import Chain as Chain
     from .mechanisms import Joint as Joint
     from .mechanisms import Link as Link
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from .mechanisms import Plate as Plate
     from .mechanisms import Spring as Spring
     from .mechanisms import Weight as Weight
+    from .readouts import Readout as Readout
     from .simulation import Simulation as Simulation
     from .stepping import SimulationState as SimulationState
 
@@ -29,7 +33,11 @@ lazy_names(
     __name__,
     {
         "air": ["Air"],
+        "estimator": ["Estimator"],
+        "fit": ["SimulationFit"],
+        "linear": ["SampledModel"],
         "mechanisms": ["Chain", "Joint", "Link", "Mechanism", "Plate", "Spring", "Weight"],
+        "readouts": ["Readout"],
         "simulation": ["Simulation"],
         "stepping": ["SimulationState"],
     },

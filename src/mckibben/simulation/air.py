@@ -7,11 +7,20 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from .._jax import Tree
 from ..answers import Caution, brief, collect
-from ..assembly.build import INFERRED, LINE_VALVE, AirLine, Assumption, circuit_for, inferred_assumption, is_line_valve
+from ..assembly.build import (
+    INFERRED,
+    LINE_VALVE,
+    NO_TUBE,
+    AirLine,
+    Assumption,
+    circuit_for,
+    inferred_assumption,
+    is_line_valve,
+)
 from ..assembly.circuit_file import CircuitPlan, driven, read_circuit
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
@@ -90,7 +99,7 @@ class Air(Stated):
             of a specimen's file; a class in a file such as ``"my.py:MyValve"``; or an element with the ports supply, work
             and exhaust.
         tube: length and bore [m] of the tube from each valve to its muscle, the bore perhaps by the name of a tube such as
-            ``"PU-4x2"``; or an element with two ports.
+            ``"PU-4x2"``; or an element with two ports; or ``"none"`` for a valve that sits on the muscle.
         port_volume: between valve and tube [m^3]; None for the default, as for tube and heat.
         heat: how the gas in ports and muscles exchanges heat: a conductance of the wall [W/K], or a model of heat.
         environment: the room.
@@ -103,7 +112,7 @@ class Air(Stated):
 
     supply: Amount = amount("Pa", (LEAST_PRESSURE, 3e6), default=6e5)
     valve: str | FlowElement = "MPYE-5-1-8-LF"
-    tube: tuple[Amount, Amount] | FlowElement | None = USUAL_TUBE
+    tube: tuple[Amount, Amount] | FlowElement | Literal["none"] | None = USUAL_TUBE
     port_volume: Amount | None = amount("m^3", (1e-8, 1e-3), default=USUAL_PORT)
     heat: Amount | HeatModel | None = amount("W/K", (1e-3, 50.0), default=USUAL_HEAT)
     environment: Environment | None = None
@@ -200,9 +209,11 @@ class Air(Stated):
             raise InputError("valve", self.valve, f"must be {LINE_VALVE}")
         return built
 
-    def _tube(self, room: Environment) -> FlowElement | None:
+    def _tube(self, room: Environment) -> FlowElement | Literal["none"] | None:
         if self.tube is None or isinstance(self.tube, FlowElement):
             return self.tube
+        if isinstance(self.tube, str) and self.tube == NO_TUBE:
+            return NO_TUBE
         if not isinstance(self.tube, tuple | list) or len(self.tube) != 2:
             raise InputError("tube", str(self.tube), "must be a length and a bore, such as ('1 m', '4 mm')")
         named = bore_of(self.tube[1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,7 @@ class BatchState:
         commands: in force, (commands, lanes).
         noise: state of the generator of the noise.
         structure: fingerprint of the simulation that made it.
+        lines: what its readouts remember.
     """
 
     sample: int
@@ -42,6 +43,7 @@ class BatchState:
     commands: np.ndarray
     noise: Mapping[str, Any]
     structure: str
+    lines: tuple[tuple[np.ndarray, ...], ...] = ()
 
     __repr__ = brief
 
@@ -69,13 +71,14 @@ class SimulationBatch:
             most = int(SHARE * free_memory() / need)
             raise InputError("lanes", lanes, f"must be at most {most:,}, for which there is memory")
         self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
-        self.commands, self.Observation = simulation.commands, simulation.Observation
+        self.commands = simulation.commands
         self._changes = {path: self._checked(path, values) for path, values in changes.items()}
         self._parameters = simulation.parameters
         if self._changes:
             self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
-        self._kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
+        self.kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
         self._low, self._high = (np.array([[e[k]] for e in simulation.command_entries.values()]) for k in (1, 2))
+        self._readouts = simulation.readouts.copy()
         self._random = np.random.default_rng(0)
         self._sample = 0
         self._begin: BatchState | None = None
@@ -88,6 +91,11 @@ class SimulationBatch:
 
     def __len__(self) -> int:
         return self.lanes
+
+    @property
+    def Observation(self) -> Any:  # noqa: N802 - the type of what `step` returns
+        """Type of the observations, a named tuple."""
+        return self.simulation.Observation
 
     @property
     def cautions(self) -> tuple[Caution, ...]:
@@ -130,9 +138,14 @@ class SimulationBatch:
         carry, observed = (np.repeat(np.stack([s[i] for s in starts], axis=1), each, axis=1) for i in range(2))
         self._random = noise_generator(seed)
         held = np.repeat(np.array([[commands[name]] for name in self.commands]), self.lanes, axis=1)
-        shown = self._with_noise(observed[:-BEHIND])
-        noise = self._random.bit_generator.state
-        return self._go_on_from(BatchState(0, carry, observed, shown, held, noise, self.simulation.fingerprint))
+        shown = np.array(self._readouts.reset(self._with_noise(observed[:-BEHIND])))
+        return self._go_on_from(self._state(0, carry, observed, shown, held))
+
+    def _state(
+        self, sample: int, carry: np.ndarray, observed: np.ndarray, shown: np.ndarray, commands: np.ndarray
+    ) -> BatchState:
+        noise, lines = self._random.bit_generator.state, tuple(map(tuple, self._readouts.lines))
+        return BatchState(sample, carry, observed, shown, commands, noise, self.simulation.fingerprint, lines)
 
     def step(self, *unnamed: object, **commands: object) -> Tree:
         """Hold commands for one period in all lanes; a command that is left out stays as it was.
@@ -156,24 +169,31 @@ class SimulationBatch:
             array = np.asarray(value, float)
             if array.shape not in ((), (self.lanes,)):
                 raise InputError(name, None, f"must be a number or {self.lanes} values, got shape {array.shape}")
-            self._kernel.set_command(entries[name][0], array)
-        held = self._kernel.commands
+            self.kernel.set_command(entries[name][0], array)
+        held = self.kernel.commands
         if not ((held >= self._low) & (held <= self._high)).all():  # or one is no number
             for name, (place, low, high) in entries.items():
                 for one in {float(held[place].min()), float(held[place].max())}:
                     if not low <= one <= high:
                         self.simulation.check_command(name, one)
-        self._log.append(self._kernel.commands.copy())
-        self._kernel.step()
+        self._log.append(self.kernel.commands.copy())
+        self.kernel.step()
         self._sample += 1
         return self._observation()
 
     def _observation(self) -> Any:
-        rows = self._with_noise(self._kernel.observation[:-BEHIND])
+        rows = self._with_noise(self.kernel.observation[:-BEHIND])
+        if self._readouts:
+            rows = np.array(self._readouts.read(rows))
         self._last = rows
-        if self.simulation.noise is not None:
+        if self._senses:
             self._sensed.append(rows)
         return self.Observation(self.time, *rows)
+
+    @property
+    def _senses(self) -> bool:
+        """Whether an observation is another than the true one."""
+        return self.simulation.noise is not None or bool(self._readouts)
 
     def _with_noise(self, rows: np.ndarray) -> np.ndarray:
         noise = self.simulation.noise
@@ -183,16 +203,9 @@ class SimulationBatch:
         """The present moment of all lanes, from which `load_state` goes on bit for bit."""
         if self._begin is None:
             self.reset()
-        kernel, many = self._kernel, slice(self.lanes)
-        return BatchState(
-            self._sample,
-            kernel.carry[:, many].copy(),
-            np.array(kernel.observation),
-            self._last,
-            np.array(kernel.commands),
-            self._random.bit_generator.state,
-            self.simulation.fingerprint,
-        )
+        kernel, many = self.kernel, slice(self.lanes)
+        carry, observed = kernel.carry[:, many].copy(), np.array(kernel.observation)
+        return self._state(self._sample, carry, observed, self._last, np.array(kernel.commands))
 
     def load_state(self, state: BatchState) -> Any:
         """Go on from a saved moment; a recording begins again there.
@@ -207,14 +220,46 @@ class SimulationBatch:
             )
         return self._go_on_from(state)
 
+    def load_states(self, states: SimulationState | Sequence[SimulationState]) -> Any:
+        """Go on from moments of the simulation: one for all lanes, as a controller plans from the present, or one per lane.
+
+        Returns:
+            The observation there. Noise begins as that of the first state.
+
+        Raises:
+            InputError: they are none that such a simulation saved, or not one for each lane.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+            >>> seen, many = sim.step(muscle=3e5), sim.batch(3)
+            >>> many.load_states(sim.save_state()).pressure.tolist() == 3 * [seen.pressure]
+            True
+        """
+        each = [states] * self.lanes if isinstance(states, SimulationState) else list(states)
+        fits = all(isinstance(s, SimulationState) and s.structure == self.simulation.fingerprint for s in each)
+        if not fits or len(each) != self.lanes:
+            raise InputError("states", None, f"must be one or {self.lanes} that this kind of simulation saved")
+        carry, observed, commands = (
+            np.stack([getattr(s, n) for s in each], axis=1) for n in ("carry", "observed", "commands")
+        )
+        shown = np.stack([s.shown or s.observed[:-BEHIND] for s in each], axis=1)
+        lines = tuple(
+            tuple(map(np.array, zip(*line, strict=True))) for line in zip(*(s.lines for s in each), strict=True)
+        )
+        first = each[0]
+        moment = first.sample, carry, observed, shown, commands, first.noise, first.structure, lines
+        return self._go_on_from(BatchState(*moment))
+
     def _go_on_from(self, state: BatchState) -> Any:
         self._begin, self._sample = state, state.sample
-        self._kernel.set_carry(state.carry, state.observed)
+        self.kernel.set_carry(state.carry, state.observed)
         for k, row in enumerate(state.commands):
-            self._kernel.set_command(k, row)
+            self.kernel.set_command(k, row)
         self._random.bit_generator.state = dict(state.noise)
         self._last = state.shown
-        self._log, self._sensed = [], [] if self.simulation.noise is None else [state.shown]
+        self._readouts.lines = [list(line) for line in state.lines]
+        self._log, self._sensed = [], [state.shown] if self._senses else []
         return self.Observation(self.time, *state.shown)
 
     def recording(self, lane: int = 0) -> Recording:

@@ -28,6 +28,7 @@ from ..engine.soundness import SOUND, Soundness, unsound_sentence
 from ..errors import ConvergenceError
 from .air import AirCircuit
 from .mechanisms import Mechanism, StartPressure
+from .readouts import ReadoutLines
 from .stepping import (
     BEHIND,
     CommandedMachine,
@@ -41,7 +42,8 @@ from .stepping import (
 )
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
-BLOCK = 64  # lanes of a batch are padded to a multiple of this, and of the kernel's own blocks
+BLOCK = 64  # lanes of a batch are padded to a multiple of this where there is no kernel: XLA compiles each number anew
+ONE_THREAD = 1000  # lanes times steps of a sample up to which handing them to other threads takes longer than they do
 FEW = 8  # lanes below this number that need shorter steps are stepped one by one
 
 
@@ -64,6 +66,12 @@ class Programs:
         )
         self._compiled: dict[Any, EngineFunction] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_compiled": {}}  # what is compiled belongs to this process; kernels lie on disk
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Programs:
+        return self
+
     def step(self, stiff: bool) -> EngineFunction:
         """`step_vectors` of this structure."""
         bound = functools.partial(step_vectors, self.layouts, stiff)
@@ -74,15 +82,28 @@ class Programs:
         bound = functools.partial(recorded_vectors, self.layouts, stiff)
         return self._function(("recorded", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
 
+    def padded(self, lanes: int) -> int:
+        """Lanes that are computed for some: a kernel takes any whole number of its own blocks."""
+        block = FEW if self.step(False).engine == "native" else BLOCK
+        return -(-lanes // block) * block
+
     def observe(self, plant: np.ndarray, carry: np.ndarray) -> np.ndarray:
-        """The observation in a carry, with what is `BEHIND` it."""
-        run = self._function("observe", functools.partial(observe_vectors, self.layouts), *self.examples[:2])
-        return np.asarray(run(plant, carry, mode=MODE))
+        """The observation in a carry, with what is `BEHIND` it; of lanes side by side, (fields + 3, lanes)."""
+        return np.asarray(self._at("observe", observe_vectors, plant, carry))
 
     def outputs(self, plant: np.ndarray, carry: np.ndarray) -> dict[str, np.ndarray]:
-        """All outputs in a carry."""
-        run = self._function("outputs", functools.partial(outputs_at, self.layouts), *self.examples[:2])
-        return dict(run(plant, carry, mode=MODE))
+        """All outputs in a carry, each (lanes,) of lanes side by side."""
+        return dict(self._at("outputs", outputs_at, plant, carry))
+
+    def _at(self, key: str, function: Callable[..., Tree], plant: np.ndarray, carry: np.ndarray) -> Tree:
+        """What a function finds in a carry, or in each of lanes side by side."""
+        run = self._function(key, functools.partial(function, self.layouts), *self.examples[:2])
+        if carry.ndim == 1:
+            return run(plant, carry, mode=MODE)
+        lanes = carry.shape[1]
+        more = (0, 0), (0, self.padded(lanes) - lanes)
+        arrays = [x if x.ndim == 1 else np.pad(x[:, :lanes], more, "edge") for x in (plant, carry)]
+        return map_leaves(lambda leaf: np.asarray(leaf)[..., :lanes], run(*arrays, lanes=self.padded(lanes), mode=MODE))
 
     def _function(self, key: Any, function: Callable[..., Tree], *examples: Tree) -> EngineFunction:
         if key not in self._compiled:
@@ -112,7 +133,7 @@ class SampleKernel:
         self, programs: Programs, plant: np.ndarray, period: float, inner: int, lanes: int | None = None
     ) -> None:
         self.programs, self.plant, self.period, self.inner, self.lanes = programs, plant, period, inner, lanes
-        self._padded = lanes if lanes is None else -(-lanes // BLOCK) * BLOCK
+        self._padded = lanes if lanes is None else programs.padded(lanes)
         many = () if self._padded is None else (self._padded,)
         _, carry, commands = programs.examples
         self._carries = [np.zeros((*carry.shape, *many)) for _ in range(2)]
@@ -131,6 +152,12 @@ class SampleKernel:
                 np.concatenate([plant, np.repeat(plant[:, -1:], self._padded - lanes, 1)], 1)
             )
         self._usual = period / inner
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        own = slice(self.lanes)
+        plant = self.plant[:, own] if self.plant.ndim == 2 else self.plant
+        made = self.programs, plant, self.period, self.inner, self.lanes
+        return _kernel_at, (*made, self.carry[..., own], self.observation, self.commands, self.rate_bound)
 
     @property
     def carry(self) -> np.ndarray:
@@ -151,9 +178,15 @@ class SampleKernel:
         self.rate_bound = float(np.max(self._observed[-2]))
 
     def put_carry(self, lanes: np.ndarray, carry: np.ndarray, observed: np.ndarray) -> None:
-        """Let some lanes go on from a carry, with the observation that belongs to it; the others stay as they are."""
+        """Let some lanes go on from a carry, or one each, with the observation that belongs to it; the others stay."""
         for target, source in ((self._carries[self._now], carry), (self._observed, observed)):
-            target[:, lanes] = source[:, None]
+            target[:, lanes] = source[:, None] if source.ndim == 1 else source
+
+    def put_plant(self, lanes: np.ndarray, plant: np.ndarray) -> None:
+        """Give some lanes other parameters, (numbers, lanes), where each has its own; the others keep theirs."""
+        self.plant[:, lanes] = plant
+        if self.lanes is not None:
+            self.plant[:, self.lanes :] = self.plant[:, self.lanes - 1 : self.lanes]
 
     def set_command(self, place: int, value: Any) -> None:
         """Set a command in all lanes, also those that only fill the last block."""
@@ -246,9 +279,7 @@ class SampleKernel:
         timing = np.float64(self.period), np.int64(self.inner * steps.split)
         inputs = [x[:, lanes] if x.ndim == 2 else x for x in (self.plant, source, self._commands)]
         if size >= FEW:
-            # XLA compiles each number of lanes anew; a kernel takes any, and each lane that only fills costs
-            block = FEW if function.engine == "native" else BLOCK
-            padded = -(-size // block) * block
+            padded = self.programs.padded(size)  # each lane that only fills costs
             inputs = [np.pad(x, ((0, 0), (0, padded - size)), "edge") if x.ndim == 2 else x for x in inputs]
             carry, observed = function(*inputs, *timing, lanes=padded, mode=MODE)
             return carry.T[:size], observed.T[:size]
@@ -307,7 +338,20 @@ class SampleKernel:
         if function.engine != "native":
             return functools.partial(_by_xla, function, inputs, wanted, self._padded)
         arrays = [np.asarray(a) for a in inputs]
-        return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE)
+        few = self._padded is not None and self._padded * self.inner <= ONE_THREAD
+        return function.program.bind(arrays, wanted, lanes=self._padded, mode=MODE, threads=1 if few else None)
+
+
+def _kernel_at(
+    programs: Programs, plant: np.ndarray, period: float, inner: int, lanes: int | None, *moment: Any
+) -> SampleKernel:
+    """A copy of a kernel at a moment; its calls are bound anew to its own places in memory."""
+    kernel, (carry, observed, commands, bound) = SampleKernel(programs, plant, period, inner, lanes), moment
+    kernel.set_carry(carry, observed)
+    for place, value in enumerate(commands):
+        kernel.set_command(place, value)
+    kernel.rate_bound = bound
+    return kernel
 
 
 def _by_xla(function: EngineFunction, inputs: Sequence[Tree], wanted: Sequence[np.ndarray], lanes: int | None) -> None:
@@ -381,6 +425,7 @@ class SteppedSimulation(abc.ABC):
     command_entries: dict[str, tuple[int, float, float]]
     Observation: Any
     noise: np.ndarray | None
+    readouts: ReadoutLines
     programs: Programs
     parameters: np.ndarray
     period: float

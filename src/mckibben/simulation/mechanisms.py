@@ -7,6 +7,7 @@ of its file, or a `Muscle`. A mechanism is a value: it holds what it is made of,
 from __future__ import annotations
 
 import abc
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,13 +20,13 @@ from ..assembly.build import Assumption, rig_cord, unit_assumptions, unit_from_m
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
 from ..assembly.loads.joint import STOP_STIFFNESS
 from ..assembly.muscle_unit import MuscleUnit
-from ..errors import InputError
+from ..errors import InputError, UnreachableError
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
 from ..muscles.evidence import law_cautions
 from ..muscles.law import law_name
 from ..muscles.plausible import argument_cautions, span_cautions, span_limits, working_span
-from ..quantities import amount, amounts, declared, parse
+from ..quantities import amount, amounts, declared, has_dimension, parse, with_unit
 from ..specimens import Specimen, muscle_specimen
 from .stepping import CommandInput
 
@@ -102,6 +103,28 @@ def rest_length(muscle: AnyMuscle, unit: MuscleUnit) -> float:
         return float(stated_by.property_si("rest_length", "m"))
     stated = getattr(unit.law, "rest_length", None)
     return float(unit.law.length_range()[1] if stated is None else stated)
+
+
+def carrying_pressure(unit: MuscleUnit, tension: float, span: float) -> float:
+    """The gauge pressure at which a muscle carries what it starts with [Pa].
+
+    Args:
+        unit: the muscle.
+        tension: what it carries [N].
+        span: of the muscle [m].
+
+    Raises:
+        InputError: no pressure does; says which way the start must go, and where the muscle carries it without pressure.
+    """
+    try:
+        return unit.law.pressure_for(tension, span)
+    except UnreachableError as error:
+        if tension < (least := float(unit.law.tension(span, 0.0))):
+            problem = f"must be a shorter span: at {with_unit(span, 'm')} the muscle pulls with {least:.4g} N without "
+            problem += f"pressure, more than the {tension:.4g} N that it carries"
+        else:
+            problem = f"must be a longer span: {str(error)[:1].lower() + str(error)[1:]}"
+        raise InputError("start", None, problem) from None
 
 
 class Stated:
@@ -269,7 +292,7 @@ class Weight(Mechanism):
     def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The pressure that carries the weight."""
         weight = self.si("mass") * self.si("gravity")
-        return {"muscle": units["muscle"].law.pressure_for(weight, self.spans(units)["muscle"])}
+        return {"muscle": carrying_pressure(units["muscle"], weight, self.spans(units)["muscle"])}
 
     def fields(self) -> dict[str, str]:
         """Position, which is the span [m], and velocity [m/s]."""
@@ -280,16 +303,20 @@ class Weight(Mechanism):
 class Spring(Mechanism):
     """A spring that a muscle pulls, with a mass between the two.
 
-        mk.Spring("nylon", stiffness="2 N/mm")
+        mk.Spring("nylon", stiffness="2 N/mm", weight="20 N")
 
-    The command ``force`` [N] acts on the mass, positive away from the muscle. The spring is relaxed at the start.
+    The command ``force`` [N] acts on the mass, positive away from the muscle. The spring is relaxed at the start, unless it
+    is stated where it is. What spring and weight pull at the start is carried by the pressure of the muscle.
 
     Args:
         muscle: that pulls.
         stiffness: stiffness of the spring [N/m].
         mass: between muscle and spring [kg].
-        start: span of the muscle at the start [m]; its rest length by default.
+        start: span of the muscle at the start [m], or the tension at which it starts [N], as in ``"30 N"``, where spring and
+            weight pull with it; the rest length by default.
         damping: viscous loss [N s/m].
+        weight: constant force that pulls the mass away from the muscle [N].
+        relaxed: span at which the spring is relaxed [m]; the start by default, and the rest length where that is a tension.
         tendon: between muscle and mass: a `Tendon` or its stiffness [N/m]; none by default.
 
     Examples:
@@ -304,16 +331,45 @@ class Spring(Mechanism):
     start: Amount | None = amount("m", default=None)
     damping: Amount = amount("N*s/m", (1e-2, 500.0), default=1.0)
     tendon: TendonOption = None
+    weight: Amount = amount("N", (1e-2, FORCES[1]), default=0.0)
+    relaxed: Amount | None = amount("m", default=None)
+
+    def __post_init__(self) -> None:
+        if self._tension is None:
+            super().__post_init__()
+        else:
+            dataclasses.replace(self, start=None)  # which checks all else
 
     @property
     def muscles(self) -> dict[str, AnyMuscle]:
         """Names of the muscles: ``muscle`` alone."""
         return {"muscle": self.muscle}
 
+    @property
+    def _tension(self) -> float | None:
+        """Tension at the start [N], where that is stated and not the span."""
+        stated = isinstance(self.start, str) and has_dimension(self.start, "N")
+        return parse(str(self.start), "N", field="start") if stated else None
+
     def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The span at the start [m]."""
         rest = rest_length(self.muscle, units["muscle"])
+        if self._tension is not None:
+            relaxed = rest if self.relaxed is None else self.si("relaxed")
+            return {"muscle": relaxed + (self.si("weight") - self._tension) / self.si("stiffness")}
         return {"muscle": rest if self.start is None else self.si("start")}
+
+    def _relaxed(self, units: Mapping[str, MuscleUnit]) -> float:
+        """Span at which the spring is relaxed [m]."""
+        if self.relaxed is not None:
+            return self.si("relaxed")
+        return self.spans(units)["muscle"] if self._tension is None else rest_length(self.muscle, units["muscle"])
+
+    def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
+        """The pressure that carries what spring and weight pull at the start."""
+        span = self.spans(units)["muscle"]
+        pull = self.si("weight") + self.si("stiffness") * (self._relaxed(units) - span)
+        return {} if pull == 0.0 else {"muscle": carrying_pressure(units["muscle"], pull, span)}
 
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
         """The start, where it was left out."""
@@ -328,7 +384,8 @@ class Spring(Mechanism):
             held=("muscle",),
             start=start,
             mass=self.si("mass"),
-            spring_rest=start,
+            weight=self.si("weight"),
+            spring_rest=self._relaxed(units),
             stiffness=self.si("stiffness"),
             damping=self.si("damping"),
             signal="force",

@@ -77,7 +77,7 @@ def record(
     held = np.concatenate([commands, commands[-1:]]) if len(commands) else start.commands[None]
     channels = _channels(simulation, outputs, held)
     for k, (name, output) in enumerate(simulation.plant.shown if sensed else ()):
-        if simulation.noise is None or simulation.noise[k] == 0.0:
+        if name not in simulation.readouts.stated and (simulation.noise is None or simulation.noise[k] == 0.0):
             continue  # the controller saw the true value
         unit, _, meaning = described(output)
         column = np.array([row[k] for row in sensed])

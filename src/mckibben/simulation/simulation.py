@@ -12,10 +12,11 @@ kernel, which is compiled when a structure is first stepped, and found on disk f
 
 from __future__ import annotations
 
+import functools
 import keyword
 import math
 from collections import namedtuple
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
@@ -34,8 +35,12 @@ from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
+from .estimator import LANES, Estimator
+from .fit import Free, SimulationFit, Train, fit
 from .kernel import Programs, SampleKernel, SteppedSimulation
+from .linear import SampledModel, linearise
 from .mechanisms import Amount, Mechanism, StartPressure, in_si, published
+from .readouts import Readout, ReadoutLines
 from .recorded import described, record
 from .rollout import Rollout
 from .stepping import (
@@ -66,6 +71,9 @@ class Simulation(SteppedSimulation):
         period: period of the samples, during which commands hold [s].
         step: largest step of the physics [s]; shortened so that a whole number fits a period, and where a mode asks for it.
         noise: standard deviation of the noise on fields of the observation, by field [SI]; none by default.
+        readouts: how fields of the observation are read, by field: rounded, by a median, late, see `Readout`; as they are by
+            default.
+        limits: for commands the smallest and the largest value that acts, [SI] or in words; none by default.
         title: title of recordings; names the mechanism and its muscles by default.
 
     Attributes:
@@ -95,6 +103,8 @@ class Simulation(SteppedSimulation):
         period: Amount = 2e-3,
         step: Amount = STEP,
         noise: Mapping[str, float] | None = None,
+        readouts: Mapping[str, Readout] | None = None,
+        limits: Mapping[str, tuple[Amount, Amount]] | None = None,
         title: str = "",
     ) -> None:
         if not isinstance(system, Mechanism):
@@ -110,14 +120,15 @@ class Simulation(SteppedSimulation):
         said += [*self.air.cautions, *system.cautions(units)]
         self.machine = Machine.of(self.air.circuit, units, system.load(units), self.air.environment)
         self.title = title or f"{type(system).__name__} with {' and '.join(units)}"
-        self.drives: tuple[CommandInput, ...] = (*self.air.drives, *system.drives(units))
+        self.drives = _limited((*self.air.drives, *system.drives(units)), limits or {})
         self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
-        self.Observation: Any = _observation_type([name for name, _ in self.plant.shown])
         self.noise = self._checked_noise(noise or {})
         said += self._noise_cautions(noise or {})
+        units_of = {name: described(output)[0] for name, output in self.plant.shown}
+        self.readouts = ReadoutLines(readouts or {}, units_of, self.period)
         self.depth = self._depth()
         example = self._carry(self._start_pressures, self.start_commands())
         self.programs = Programs(self.plant, example, self.commands)
@@ -131,9 +142,7 @@ class Simulation(SteppedSimulation):
         self._said: set[tuple[str, bool]] = set()
         self.cautions: tuple[Caution, ...] = ()
         self.caution(*said, stacklevel=3)
-        self._buffer: Any = memoryview(self._kernel.commands)
-        self._seen: Any = memoryview(self._kernel.observation)
-        self._make = self.Observation._make
+        self._attach()
         self._rests: dict[Any, tuple[np.ndarray, np.ndarray]] = {}
         self._random = np.random.default_rng(0)
         self._fields = len(self.plant.shown)
@@ -149,7 +158,25 @@ class Simulation(SteppedSimulation):
         system = f"{type(self.system).__name__} with {muscles}, {timing}"
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
         cautions = f"; {len(self.cautions)} cautions" if self.cautions else ""
-        return f"Simulation({system}: {', '.join(self.commands)}; assumed: {assumed}{cautions})"
+        limits = {d.command: d.limits for d in self.drives if d.limits is not None}
+        read = f"; readouts: {self.readouts.stated}" if self.readouts else ""
+        read += f"; limits: {limits}" if limits else ""
+        return f"Simulation({system}: {', '.join(self.commands)}{read}; assumed: {assumed}{cautions})"
+
+    def _attach(self) -> None:
+        """See the commands and the observation in the kernel's own memory."""
+        self.Observation: Any = _observation_type(tuple(self.programs.fields))
+        self._buffer: Any = memoryview(self._kernel.commands)
+        self._seen: Any = memoryview(self._kernel.observation)
+        self._make = self.Observation._make
+
+    def __getstate__(self) -> dict[str, Any]:
+        of_this_process = ("Observation", "_buffer", "_seen", "_make")
+        return {name: value for name, value in self.__dict__.items() if name not in of_this_process}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._attach()
 
     def caution(self, *said: Caution | None, stacklevel: int = 2) -> None:
         """Keep cautions, and say as warnings those that were not said before."""
@@ -163,6 +190,11 @@ class Simulation(SteppedSimulation):
     def time(self) -> float:
         """Since the reset [s]."""
         return self._sample * self.period
+
+    @property
+    def truth(self) -> Any:
+        """The present observation as it is, without noise and readouts."""
+        return self._make((self._sample * self.period, *self._seen.tolist()[: self._fields]))
 
     def reset(self, seed: int = 0, *, pressure: StartPressure | None = None, **commands: float) -> Any:
         """Begin at rest: friction relaxed, every braid in balance, commands as they lasted before.
@@ -189,8 +221,15 @@ class Simulation(SteppedSimulation):
         self._random = noise_generator(seed)
         vector = np.array([first[name] for name in self.commands])
         shown = self._with_noise(observed[:-BEHIND].tolist()) if self.noise is not None else []
-        noise = self._random.bit_generator.state
-        return self._go_on_from(SimulationState(0, carry, observed, tuple(shown), vector, noise, self.fingerprint))
+        if self.readouts:
+            shown = self.readouts.reset(shown or observed[:-BEHIND].tolist())
+        return self._go_on_from(self._state(0, carry, observed, shown, vector))
+
+    def _state(
+        self, sample: int, carry: np.ndarray, observed: np.ndarray, shown: Sequence[float], commands: np.ndarray
+    ) -> SimulationState:
+        noise, lines = self._random.bit_generator.state, tuple(map(tuple, self.readouts.lines))
+        return SimulationState(sample, carry, observed, tuple(shown), commands, noise, self.fingerprint, lines)
 
     def step(self, *unnamed: float, **commands: float) -> Tree:
         """Hold commands for one period and go on to its end; a command that is left out stays as it was.
@@ -230,6 +269,9 @@ class Simulation(SteppedSimulation):
         numbers: list[float] = self._seen.tolist()[: self._fields]
         if self.noise is not None:
             numbers = self._with_noise(numbers)
+        if self.readouts:
+            numbers = self.readouts.read(numbers)
+        if self.noise is not None or self.readouts:
             self._sensed.append(numbers)
         return self._make((self._sample * self.period, *numbers))
 
@@ -243,14 +285,9 @@ class Simulation(SteppedSimulation):
         if self._begin is None:
             self.reset()
         kernel = self._kernel
-        return SimulationState(
-            self._sample,
-            kernel.carry.copy(),
-            np.array(kernel.observation),
-            tuple(self._sensed[-1] if self._sensed else ()),
-            np.array(kernel.commands),
-            self._random.bit_generator.state,
-            self.fingerprint,
+        shown = self._sensed[-1] if self._sensed else ()
+        return self._state(
+            self._sample, kernel.carry.copy(), np.array(kernel.observation), shown, np.array(kernel.commands)
         )
 
     def load_state(self, state: SimulationState) -> Any:
@@ -271,6 +308,7 @@ class Simulation(SteppedSimulation):
         self._kernel.set_carry(state.carry, state.observed)
         self._kernel.commands[:] = state.commands
         self._random.bit_generator.state = dict(state.noise)
+        self.readouts.lines = [list(line) for line in state.lines]
         self._log, self._sensed = [], [list(state.shown)] if state.shown else []
         return self._make((self._sample * self.period, *(state.shown or state.observed[:-BEHIND].tolist())))
 
@@ -316,6 +354,126 @@ class Simulation(SteppedSimulation):
                 returns (commands, cost).
         """
         return Rollout(self, policy, steps, cost)
+
+    def linearise(
+        self,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        *,
+        amplitude: Amount | Mapping[str, Amount] | None = None,
+        friction: str = "stuck",
+    ) -> SampledModel:
+        """The linear model about the present moment on the clock of the samples, dead time included; see `SampledModel`.
+
+        A valve's gain at rest is that of a stated amplitude, by its describing function, and the answer says which.
+
+        Args:
+            inputs: commands; all by default.
+            outputs: fields of the observation; all by default.
+            amplitude: of the inputs [SI, or words with a unit], one or by input; by default 0.1 bar, a tenth of a valve's
+                stroke, 1 N, 0.02 N m, 0.1 mm.
+            friction: ``stuck``, each contact a spring as in small motion, or ``held``, its force constant.
+
+        Raises:
+            InputError: names what is no command or field, or a command that moves nothing at this amplitude.
+            ConvergenceError: the simulation cannot take a sample about this point.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+            >>> model = sim.linearise("muscle", "pressure", amplitude="0.1 bar")
+            >>> round(model.gain("muscle", "pressure"), 1)
+            1.0
+        """
+        return linearise(self, inputs, outputs, amplitude, friction)
+
+    def fit(
+        self,
+        record: Recording,
+        free: Free,
+        *,
+        train: Train = None,
+        measured: Sequence[str] | None = None,
+        channels: Mapping[str, str] | None = None,
+        settle: Amount | None = None,
+        evaluations: int = 30,
+        progress: Callable[[str], None] | None = None,
+    ) -> SimulationFit:
+        """Fit parameters of muscle, friction, creep, valve and load to a record of commands and sensors.
+
+        The simulation runs free under the recorded commands; every sample that is shown counts.
+
+        Args:
+            record: commands and sensors, sampled at the period of the simulation.
+            free: for each free parameter its bounds [SI, or words with a unit], None for those that it is declared with. A
+                name is a dotted path in `machine` or the end of one, such as ``"muscle.law.rest_diameter"``, a pattern with
+                ``*`` for one value of many, or a field of the observation with ``.delay`` or ``.offset`` for its sensor.
+                Numbers of an array, or that differ, are scaled together by a factor.
+            train: samples that the fit is shown: a slice, a pair of times from the first sample, or truth values (n,); all
+                by default. What is not shown moves no bit.
+            measured: fields of the observation that are compared; where left out those that were measured, else all.
+            channels: channels of commands and fields whose names differ from the simulation's.
+            settle: time at rest before the first sample [s]; 1 s by default, and none for what a simulation recorded from
+                its reset on.
+            evaluations: most runs of the record in each of the searches.
+            progress: called with a sentence after each run.
+
+        Raises:
+            InputError: names an unknown parameter, channel or field, or a parameter on which the record does not depend.
+            ConvergenceError: the simulation cannot go through the record, or the fit ended where it began.
+
+        Examples:
+            >>> import math
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Spring("nylon"), mk.Air(valve="regulator"), period="10 ms")
+            >>> real = sim.with_parameters({"load.stiffness": "2.5 N/mm"})
+            >>> for k in range(100):
+            ...     seen = real.step(muscle=2e5 + 1e5 * math.sin(0.2 * k))
+            >>> found = sim.fit(real.recording(), {"load.stiffness": ("1 N/mm", "5 N/mm")})
+            >>> round(found.estimates["load.stiffness"].value, 1)
+            2500.0
+        """
+        return fit(
+            self, record, free, train=train, measured=measured, channels=channels, settle=settle,
+            evaluations=evaluations, progress=progress,
+        )  # fmt: skip
+
+    def estimator(
+        self,
+        measured: Sequence[str] = ("pressure",),
+        unknown: Sequence[str] | Mapping[str, Amount] = ("load",),
+        *,
+        spread: Mapping[str, float | str] | None = None,
+        noise: Mapping[str, Amount] | None = None,
+        lanes: int = LANES,
+    ) -> Estimator:
+        """An observer that finds what no sensor shows, such as length and tension from the pressure alone; see `Estimator`.
+
+        Args:
+            measured: fields of the observation that sensors show.
+            unknown: commands that are unknown loads, ``load`` for all forces or moments from outside; perhaps each with its
+                standard deviation [SI, or words with a unit], a tenth of the tension at 5 bar where left out.
+            spread: relative standard deviations of parameters that differ from lane to lane, by path; by default what the
+                specimens say of muscles of their make, and none with ``{}``.
+            noise: standard deviations of the sensors [SI, or words with a unit]; those of the simulation by default.
+            lanes: how many.
+
+        Raises:
+            InputError: names an unknown field, load or parameter.
+
+        Examples:
+            >>> import warnings
+            >>> import mckibben as mk
+            >>> sim = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(valve="regulator"), period="5 ms")
+            >>> observer, seen = sim.estimator(("pressure",), {"force": "5 N"}, lanes=32), sim.reset()
+            >>> known = observer.reset(pressure=seen.pressure)
+            >>> for _ in range(100):
+            ...     seen = sim.step(force=5.0)
+            ...     known = observer.step(pressure=seen.pressure)
+            >>> known.low.length < seen.length < known.high.length
+            True
+        """
+        return Estimator(self, measured, unknown, spread=spread, noise=noise, lanes=lanes)
 
     # ---- details
 
@@ -455,6 +613,7 @@ class Simulation(SteppedSimulation):
         """The same with parameters that have the type and shape of those that they replace [SI]."""
         other = object.__new__(Simulation)
         other.__dict__.update(self.__dict__)
+        other.readouts = self.readouts.copy()
         other._use(paths.put(self.machine, changes))
         return other
 
@@ -463,7 +622,7 @@ class Simulation(SteppedSimulation):
         self.plant = self.plant.replace(machine=machine)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        self._buffer, self._seen = memoryview(self._kernel.commands), memoryview(self._kernel.observation)
+        self._attach()
         self._rests, self._begin, self._log, self._sensed = {}, None, [], []
 
 
@@ -480,6 +639,21 @@ def _whole_steps(period: float, step: float) -> int:
     return max(1, math.ceil(period / step - 1e-9))
 
 
+def _limited(drives: tuple[CommandInput, ...], limits: Mapping[str, tuple[Amount, Amount]]) -> tuple[CommandInput, ...]:
+    """Commands with the limits within which they are held."""
+    units, held = {d.command: d.unit for d in drives}, dict[str, tuple[float, float]]()
+    for name, pair in named_values(limits, "limits").items():
+        if name not in units:
+            raise InputError("limits", name, known=units)
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise InputError(f"limits of {name}", str(pair), "must be a pair, the smallest and the largest value")
+        low, high = (in_si(one, units[name], f"limits of {name}") for one in pair)
+        if not low < high:
+            raise InputError(f"limits of {name}", str(pair), "must be the smallest and then the largest value")
+        held[name] = low, high
+    return tuple(d._replace(limits=held.get(d.command)) for d in drives)
+
+
 def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str, str], ...]:
     """Fields of an observation, and the outputs that they show; a single muscle needs no name."""
     fields = dict(system.fields())
@@ -489,6 +663,14 @@ def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str
     return tuple(fields.items())
 
 
-def _observation_type(fields: list[str]) -> Any:
+@functools.cache
+def _observation_type(fields: tuple[str, ...]) -> Any:
+    """The type of an observation, one for equal fields; type and values can be pickled though no module names it."""
     assert not any(keyword.iskeyword(name) for name in fields)
-    return namedtuple("Observation", ["time", *fields])  # noqa: PYI024 - its fields are those of the mechanism
+    kind = namedtuple("Observation", ["time", *fields])  # noqa: PYI024 - its fields are those of the mechanism
+    kind.__reduce__ = lambda seen: (_observation, (fields, tuple(seen)))  # type: ignore[method-assign, assignment]
+    return kind
+
+
+def _observation(fields: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return _observation_type(fields)(*values)

@@ -25,6 +25,7 @@ from ..engine.soundness import balance_errors, soundness, switched
 from ..engine.step import integrands_of, watched_of, zero_integrals
 from ..errors import InputError
 from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution
+from ..pneumatics.solenoid import between
 from ..quantities import with_unit
 from ..slips import size_caution
 from ..specimens import Specimen
@@ -42,6 +43,7 @@ class SimulationState:
         commands: in force.
         noise: state of the generator of the noise.
         structure: fingerprint of the simulation that made it.
+        lines: what its readouts remember.
     """
 
     sample: int
@@ -51,6 +53,7 @@ class SimulationState:
     commands: np.ndarray
     noise: Mapping[str, Any]
     structure: str
+    lines: tuple[tuple[float, ...], ...] = ()
 
     __repr__ = brief
 
@@ -68,6 +71,7 @@ class CommandInput(NamedTuple):
         range: commands that differ in what they do [unit]; beyond, a valve acts as at the end.
         hard: whether a command beyond the range is refused, as a span is that no muscle can have.
         usual: sizes from and to which it is usual [unit]; what lies beyond is said once.
+        limits: within which a command is held before it acts [unit]; None for none.
     """
 
     command: str
@@ -79,6 +83,7 @@ class CommandInput(NamedTuple):
     range: tuple[float, float] = (-math.inf, math.inf)
     hard: bool = False
     usual: tuple[float, float] = (0.0, math.inf)
+    limits: tuple[float, float] | None = None
 
     def silent(self, spec: Specimen | None = None) -> tuple[float, float]:
         """Commands from and to which there is nothing to say [unit]; `check` knows the rest.
@@ -133,7 +138,11 @@ class CommandedMachine(Plant):
     def convert(self, commands: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """The signals that the commands set."""
         ambient = self.machine.environment.pressure_abs
-        return {d.signal: commands[d.command] + (ambient if d.gauge else 0.0) for d in self.drives}
+        held = {
+            d.command: commands[d.command] if d.limits is None else between(commands[d.command], *d.limits)
+            for d in self.drives
+        }
+        return {d.signal: held[d.command] + (ambient if d.gauge else 0.0) for d in self.drives}
 
     def straight(self) -> tuple[str, ...]:
         """The signals of spans."""

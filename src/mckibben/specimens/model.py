@@ -92,8 +92,9 @@ class Specimen:
     """A muscle or a valve as published: its dimensions, and the parameters of every law that was stated for it.
 
     A valve names the pneumatic element that it is, and states that element's parameters in the group `valve`. `errors`
-    states by law how far its tension is from what was measured or printed, see `KNOWN_ERRORS`, and `between`
-    how far another muscle of the make differs, see `KNOWN_BETWEEN`.
+    states by law how far its tension is from what was measured or printed, see `KNOWN_ERRORS`, `between`
+    how far another muscle of the make differs, see `KNOWN_BETWEEN`, and `residual` what was learned beside its default law,
+    see `muscles.learned`.
 
     Examples:
         >>> import mckibben as mk
@@ -118,6 +119,7 @@ class Specimen:
     errors: dict[str, Group] = entry(_read_groups, default_factory=dict)
     valve: Group = entry(_read_group, default_factory=dict)
     between: Group = entry(_read_group, default_factory=dict)
+    residual: Group = entry(_read_group, default_factory=dict)
     map: str | None = word(default=None)
     where: str = ""
 

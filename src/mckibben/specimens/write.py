@@ -25,7 +25,7 @@ def specimen_toml(spec: Specimen, *, heading: str = "") -> str:
     for name in ("schema", "id", "kind", "title", "sources", "law", "element", "note", "map"):
         if (value := getattr(spec, name)) not in ("", None):
             out[name] = value
-    groups = {"properties": spec.properties, "valve": spec.valve, "between": spec.between}
+    groups = {"properties": spec.properties, "valve": spec.valve, "between": spec.between, "residual": spec.residual}
     for name, group in groups.items():
         if group:
             out[name] = _lines(group)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from .. import muscles
+from ..accessors import implementation
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
@@ -109,6 +111,18 @@ class MuscleDescription(Answer):
         said = [] if self.law is None else [f"Law: {title}. Other laws stated: {others}."]
         error = muscles.evidence.error_of(self.specimen, self.law_name)
         return said + ([] if error is None else [f"Error of the law: {error}."])
+
+    def data_sheet(self, path: str | Path) -> Path:
+        """Write the data sheet of a McKibben muscle on one page, in the terms of makers' sheets.
+
+        Args:
+            path: of the file, ``.html`` or ``.pdf``.
+
+        Raises:
+            InputError: it is no McKibben muscle, the ending is another, or what sets a PDF file is not installed.
+        """
+        written: Path = implementation("write_data_sheet")(self, path)
+        return written
 
 
 def _entry(number: SpecimenNumber) -> dict[str, JsonValue]:

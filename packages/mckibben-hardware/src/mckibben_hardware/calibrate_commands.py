@@ -44,6 +44,9 @@ def tell_person(error: InputError) -> None:
 @contextlib.contextmanager
 def _person(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     session = given.get("session", given)
+    if "readings" in given:
+        yield {}
+        return
     if session.get("machine") is not None and not session.get("simulate") and not sys.stdin.isatty():
         raise InputError(
             "terminal", None, "is missing: nobody can be asked for the points; run it in a terminal, or with --simulate"

@@ -173,7 +173,30 @@ class PartSource:
     def write(self, folder: Path) -> list[Path]:
         """Write the files into a folder, each whole or not at all."""
         folder.mkdir(parents=True, exist_ok=True)
-        return [write_text(folder / name, text) for name, text in self.files.items()]
+        whole = {**self.files, f"{self.name}.schema.json": self.schema()}
+        return [write_text(folder / name, text) for name, text in whole.items()]
+
+    def schema(self) -> str:
+        """A JSON Schema of the parameters, for programs that vary or identify them.
+
+        Each has its dotted path as name, its unit as ``unit``, its meaning, bounds and default.
+        """
+        properties = {}
+        for one in self.of("parameters"):
+            ends = {name: float(end) for name, end in zip(("minimum", "maximum"), one.bounds, strict=True)}
+            number: dict[str, Any] = {"type": "number", **{n: end for n, end in ends.items() if np.isfinite(end)}}
+            for size in reversed(one.shape):
+                number = {"type": "array", "items": number, "minItems": size, "maxItems": size}
+            about = {"description": one.meaning, "unit": one.unit or "1", "default": np.asarray(one.default).tolist()}
+            properties[one.path] = {**number, **about}
+        whole = {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": f"Parameters of {self.part.title}",
+            "type": "object",
+            "properties": properties,
+            "additionalProperties": False,
+        }
+        return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
 
 
 def c_source(part: Part, name: str = "muscle_part", *, integrated: bool = False) -> PartSource:

@@ -181,6 +181,7 @@ def fmu_files(part: Part, name: str, version: int) -> dict[str, bytes]:
         ),
     }
     files = {f"sources/{file}": text for file, text in sources.items()}
+    files[f"resources/{name}.schema.json"] = source.schema()
     files["modelDescription.xml"] = description_3(fmu) if version == 3 else description_2(fmu)
     masses = ", ".join(f"{1e3 * mass:.3g} g at {1e3 * h:g} ms" for h, mass in part.smallest_masses().items())
     caution = " ".join(fmu_cautions(part)[:1])

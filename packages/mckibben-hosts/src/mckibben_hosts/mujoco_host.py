@@ -23,7 +23,6 @@ from .mujoco_muscles import (
     MuscleCallbacks,
     act_size,
     actuator_roles,
-    config_key,
     export_mujoco,
     plugin_name,
     state_sizes,
@@ -97,7 +96,7 @@ def _plugin_model(scenario: Scenario, period: float) -> str:
     part, plugin, size = scenario.part, _plugin(scenario.part), scenario.part.rest().size
     several = len(part.muscles) > 1
     config = {f"offset.{n}" if several else "offset": scenario.mechanism.spans[n] for n in part.muscles}
-    config |= {config_key(path): value for path, value in scenario.parameters.items()}
+    config |= dict(scenario.parameters)
     words = "".join(f'<config key="{key}" value="{value!r}"/>' for key, value in config.items())
     sizes = {part.muscles[0]: f' actdim="{size}"'}
     rows = [

@@ -109,11 +109,6 @@ def plugin_name(name: str) -> str:
     return f"mckibben.{name}"
 
 
-def config_key(path: str) -> str:
-    """Key by which a model sets a parameter, from its dotted path."""
-    return path.replace(".__self__", "")
-
-
 def plugin_source(source: PartSource) -> str:
     """The C of the plugin."""
     part, roles = source.part, actuator_roles(source.part)
@@ -121,8 +116,9 @@ def plugin_source(source: PartSource) -> str:
     keys = []
     for variable in source.of("parameters"):
         (low, high), count = c_ends(variable.bounds), int(np.prod(variable.shape))
-        key = config_key(variable.path)
-        keys.append(f'    {{"{key}", offsetof({source.name}_parameters, {variable.member}), {count}, {low}, {high}}},')
+        keys.append(
+            f'    {{"{variable.path}", offsetof({source.name}_parameters, {variable.member}), {count}, {low}, {high}}},'
+        )
     offsets = [f'"offset.{name}"' for name in part.muscles] if len(part.muscles) > 1 else ['"offset"']
     given, pulls, shown = [], [], []
     for k, role in enumerate(roles):

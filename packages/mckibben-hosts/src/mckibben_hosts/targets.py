@@ -146,7 +146,7 @@ def hardware_source(source: PartSource) -> str:
     commands = [f'  {{"{command}", {of("inputs", f"command.{command}")}}},' for command in part.commands]
     for variable in source.of("parameters"):
         if variable.shape == ():
-            path, ends = variable.path.replace(".__self__", ""), ", ".join(c_ends(variable.bounds))
+            path, ends = variable.path, ", ".join(c_ends(variable.bounds))
             parameters.append(f'  {{"{path}", &{name}_parameters::{variable.member}, {ends}}},')
     words: dict[str, Any] = {
         "MUSCLEROWS": "\n".join(muscles),

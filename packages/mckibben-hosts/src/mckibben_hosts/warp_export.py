@@ -33,10 +33,11 @@ def export_warp(source: PartSource, out: Path) -> list[Path]:
 
     Args:
         source: the C of the part.
-        out: folder for the file.
+        out: folder for the files.
     """
     out.mkdir(parents=True, exist_ok=True)
-    return [write_text(out / f"{source.name}_warp.py", warp_module(source))]
+    texts = {f"{source.name}_warp.py": warp_module(source), f"{source.name}.schema.json": source.schema()}
+    return [write_text(out / file, text) for file, text in texts.items()]
 
 
 def warp_module(source: PartSource) -> str:

@@ -71,12 +71,13 @@ def reproduce_papers(
 ) -> None:
     """Compute the papers' numbers and report whether each value is reproduced.
 
-    Predictions come first. Every other number that agrees says why it is none: it was calibrated on itself or on another
-    one, or follows from printed coefficients by the paper's own equations.
+    Predictions come first: inputs that are not printed are inferred from all other rows, and the one left out is predicted,
+    with its sensitivity to each. Where it differs it is open, with the input that would have to change and by how much.
+    Other numbers follow from printed coefficients by the paper's own equations.
 
-    The exit code is 1 when a value is not reproduced, or lies outside what we take the papers' words to mean. Rows of
-    loops, friction, steps and power come from recordings of the simulated machine, which take minutes; --no-recordings
-    leaves them out.
+    The exit code is 1 when such a value is not reproduced, or one lies outside what we take the papers' words to mean.
+    Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes;
+    --no-recordings leaves them out.
 
     $ mckibben reproduce --part IV --no-recordings --out energy.html
     """
@@ -202,6 +203,11 @@ def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
         "difference": printed_rows.relative_difference(o.row, o.ours),
         "tolerance": printed_rows.relative_tolerance(o.row),
         "reason": o.row.reason,
+        "told": None if o.prediction is None else o.prediction.told,
+        "spread": None if o.prediction is None else o.prediction.spread,
+        "rows": 0 if o.prediction is None else len(o.prediction.by),
+        "sensitivities": "" if o.prediction is None else o.prediction.inputs_text(o.row),
+        "needed": "" if o.prediction is None or o.prediction.needed is None else str(o.prediction.needed),
         "note": o.note,
     }
 

@@ -22,6 +22,7 @@ from mckibben.components import Environment
 from mckibben.muscles import braid
 from mckibben.muscles.biological import BiologicalMuscle
 from mckibben.muscles.build import law_from_specimen
+from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws.ideal import Ideal
 from mckibben.muscles.laws.linear_threshold import LinearThreshold
 from mckibben.pneumatics import AIR
@@ -45,6 +46,17 @@ def _nylon() -> LinearThreshold:
     return law
 
 
+def line(kg: float, pa: float, lmin: float, fa: float) -> LinearThreshold:
+    """Nylon muscle with other coefficients of eq. 13 [m, Pa, m, N]."""
+    stiffness = fa / (lmin - float(_nylon().rest_length))
+    return _nylon().replace(
+        stiffness_per_pressure=kg,
+        shortest_length=lmin,
+        passive_stiffness=stiffness,
+        threshold_pressure=pa + stiffness / kg,
+    )
+
+
 @functools.cache
 def table1(name: str) -> StaticCharacteristics:
     """Compute the column of Table 1 for one of the three muscles, from its law and its measured diameter."""
@@ -66,11 +78,12 @@ def zero_force_angle() -> float:
     return float(braid.angle(law.free_length(PRESSURE), thread_length=law.thread_length))
 
 
-@reproduces("static.stiffness_per_pressure", "m")
-def kg() -> float:
-    """Kg of the law with wall thickness."""
-    law = law_from_specimen(specimen("nylon"), "thick_wall")
+def kg(law: TensionLaw) -> float:
+    """Kg of a law [m]."""
     return stiffness_per_pressure(law, lengths=LENGTHS, pressure=PRESSURE)
+
+
+reproduces("static.stiffness_per_pressure", "m")(lambda: kg(law_from_specimen(specimen("nylon"), "thick_wall")))
 
 
 @reproduces("static.threshold_pressure", "Pa", "from eq. 13 and L0, as the paper does")
@@ -85,23 +98,33 @@ def passive_stiffness() -> float:
     return FA / (LMIN - float(_nylon().rest_length))
 
 
-@reproduces("static.stiffness_5bar", "N/m")
-def stiffness() -> float:
-    """Stiffness of the nylon muscle in the middle of its range."""
-    return float(_nylon().stiffness(0.13, PRESSURE))
+def stiffness(law: LinearThreshold) -> float:
+    """Stiffness of the nylon muscle in the middle of its range [N/m]."""
+    return float(law.stiffness(0.13, PRESSURE))
 
 
-@reproduces("static.work_per_cycle", "N")
-def work_per_cycle() -> float:
-    """Work from 1.1 to 0.75 L0 over L0; none below the free length, where the muscle is slack."""
-    rest = float(_nylon().rest_length)
-    shortest = float(np.maximum(0.75 * rest, _nylon().free_length(PRESSURE)))
-    return work_of_shortening(_nylon(), pressure=PRESSURE, longest=1.1 * rest, shortest=shortest) / rest
+def work_per_cycle(law: LinearThreshold) -> float:
+    """Work from 1.1 to 0.75 L0 over L0 [N]; none below the free length, where the muscle is slack."""
+    rest = float(law.rest_length)
+    shortest = float(np.maximum(0.75 * rest, law.free_length(PRESSURE)))
+    return work_of_shortening(law, pressure=PRESSURE, longest=1.1 * rest, shortest=shortest) / rest
 
 
-reproduces("static.stiffness_5bar_per_length", "N")(lambda: stiffness() * float(_nylon().rest_length))
-reproduces("static.max_tension", "N")(lambda: float(_nylon().tension(1.1 * _nylon().rest_length, PRESSURE)))
-reproduces("static.zero_tension_length", "1")(lambda: float(_nylon().free_length(PRESSURE) / _nylon().rest_length))
+def max_tension(law: LinearThreshold) -> float:
+    """Tension at 1.1 L0 [N]."""
+    return float(law.tension(1.1 * law.rest_length, PRESSURE))
+
+
+def zero_tension_length(law: LinearThreshold) -> float:
+    """Length without tension over L0 [1]."""
+    return float(law.free_length(PRESSURE) / law.rest_length)
+
+
+reproduces("static.stiffness_5bar", "N/m")(lambda: stiffness(_nylon()))
+reproduces("static.work_per_cycle", "N")(lambda: work_per_cycle(_nylon()))
+reproduces("static.stiffness_5bar_per_length", "N")(lambda: stiffness(_nylon()) * float(_nylon().rest_length))
+reproduces("static.max_tension", "N")(lambda: max_tension(_nylon()))
+reproduces("static.zero_tension_length", "1")(lambda: zero_tension_length(_nylon()))
 
 
 def _table1_entry(name: str, field: str) -> float:
@@ -109,17 +132,18 @@ def _table1_entry(name: str, field: str) -> float:
     return value
 
 
+TABLE1 = (  # end of a row's identifier, field, unit
+    ("section_area", "section_area", "m^2"),
+    ("dynamic_range", "dynamic_range", "1"),
+    ("max_tension", "maximum_tension", "N"),
+    ("stiffness", "stiffness", "N"),
+    ("work", "work", "N"),
+    ("tension_intensity", "tension_intensity", "N/m^2"),
+    ("stiffness_intensity", "stiffness_intensity", "N/m^2"),
+    ("work_density", "work_density", "J/m^3"),
+)
 for _name in ("nylon", "fiberglass", "bridgestone"):
-    for _row, _field, _unit in (
-        ("section_area", "section_area", "m^2"),
-        ("dynamic_range", "dynamic_range", "1"),
-        ("max_tension", "maximum_tension", "N"),
-        ("stiffness", "stiffness", "N"),
-        ("work", "work", "N"),
-        ("tension_intensity", "tension_intensity", "N/m^2"),
-        ("stiffness_intensity", "stiffness_intensity", "N/m^2"),
-        ("work_density", "work_density", "J/m^3"),
-    ):
+    for _row, _field, _unit in TABLE1:
         reproduces(f"table1.{_name}.{_row}", _unit)(functools.partial(_table1_entry, _name, _field))
 
 
@@ -157,9 +181,9 @@ reproduces("biology.peak_power_density", "W/m^3")(
 SYNTHETIC = "seed 1 and wall heat of `mckibben study tube`, which has the rest"
 
 
-def capacitance(volume: float) -> float:
-    """Mass per pressure of an isothermal vessel, V/(R T) [kg/Pa] (eq. 24); volume [m^3]."""
-    return float(AIR.mass(1.0, volume, Environment.of_the_papers().temperature))
+def capacitance(volume: float, temperature: float | None = None) -> float:
+    """Mass per pressure of an isothermal vessel, V/(R T) [kg/Pa] (eq. 24); volume [m^3], temperature [K], else 300 K."""
+    return float(AIR.mass(1.0, volume, temperature or Environment.of_the_papers().temperature))
 
 
 def tube_inertance() -> float:

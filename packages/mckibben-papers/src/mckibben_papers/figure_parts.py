@@ -16,7 +16,7 @@ from mckibben.report.figures import style
 from mckibben.report.figures.places import ArtistPlace, set_place
 from mckibben.report.figures.style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
 
-from .rows import PrintedRow, RowOutcome, Value, all_rows, reproduce_row
+from .rows import PrintedRow, RowOutcome, Value, computed_row, rows_by_name
 from .rows import printed as printed
 
 if TYPE_CHECKING:
@@ -106,8 +106,8 @@ def right_axis(ax: Axes, words: str, quantity: str | None) -> Axes:
 
 @functools.cache
 def outcome(identifier: str) -> RowOutcome:
-    """A row with our value."""
-    return reproduce_row(next(row for row in all_rows() if row.id == identifier))
+    """A row with our value, with the numbers of specimen and rig, which are drawn."""
+    return computed_row(rows_by_name()[identifier])
 
 
 class NumberEntry(NamedTuple):

@@ -244,7 +244,7 @@ FIRST = (
         "12c", "IV", "Efficiency over pressure",
         "Efficiency Ea of that cycle, full with friction and dashed without; dotted with the volume of "
         "the consistent potential. The printed 0.49 is the value without friction.",
-        _words("energy.maximal", "efficiency efficiency_accumulator best_pressure zero_pressure output_below_W12"),
+        _words("energy.maximal", "efficiency efficiency_accumulator best_pressure output_below_W12"),
         "statics.figure_12c",
     ),
     _one(

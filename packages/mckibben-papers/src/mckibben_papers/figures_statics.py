@@ -363,7 +363,6 @@ def figure_12c() -> Figure:
         ("Ea, 5 bar", "efficiency"),
         ("Ea, accumulator", "efficiency_accumulator"),
         ("Largest at", "best_pressure"),
-        ("Zero at", "zero_pressure"),
         ("Largest Wa/W₁₂", "output_below_W12"),
     ]
     numbers(ax, [entry(words, f"energy.maximal.{name}") for words, name in rows], dx=82.0)

@@ -58,9 +58,10 @@ def triangle(
     rig: str = "paper",
     accept_saturation: bool = False,
     cycles: int | None = None,
+    **machine: Any,
 ) -> Recording:
-    """Recorded cycles of one triangle; as many as the protocol has by default."""
-    more = {} if cycles is None else {"cycles": cycles}
+    """Recorded cycles of one triangle; as many as the protocol has by default, on a machine that `recording` may change."""
+    more = machine | ({} if cycles is None else {"cycles": cycles})
     whole = recording(
         "quasi-static",
         muscle,
@@ -78,6 +79,20 @@ def triangle(
 def measured_loop(muscle: str = "nylon", *, stroke: str = "large") -> TensionLoop:
     """Measured loop at 5 bar."""
     return loop(triangle(muscle, stroke=stroke), length=SPAN, tension=TENSION)
+
+
+MODERN = "modern"  # the rig whose cell reaches as far as the Bridgestone muscle pulls
+TRIANGLES: dict[str, dict[str, Any]] = {  # of the muscles
+    "nylon": {},
+    "fiberglass": {"stroke": "fiberglass"},  # 0.85 to 1.1 L0
+    "bridgestone": {"stroke": "bridgestone", "rig": MODERN},  # 0.78 to 1.02 L0
+}
+
+
+def rubbed_loop(muscle: str, friction: float) -> TensionLoop:
+    """Loop at 5 bar as the cell reads it where the muscle's friction is another one [N]."""
+    share = friction / specimen(muscle).property_si("coulomb_friction", "N")
+    return loop(triangle(muscle, friction=round(share, 6), **TRIANGLES[muscle]), length=SPAN, tension=TENSION)
 
 
 def without_lag(record: Recording, on: str = "paper") -> CorrectedLoop:
@@ -112,17 +127,13 @@ def _friction(record: Recording, on: str = "paper") -> ComputedValue:
 
 
 reproduces("friction.nylon", "N")(lambda: _friction(triangle()))
-reproduces("friction.fiberglass", "N")(lambda: _friction(triangle("fiberglass", stroke="fiberglass")))
-reproduces("loop.width_fiberglass", "m")(
-    lambda: measured_loop("fiberglass", stroke="fiberglass").width
-)  # 0.85 to 1.1 L0
-
-MODERN = "modern"  # the rig whose cell reaches as far as the Bridgestone muscle pulls
+reproduces("friction.fiberglass", "N")(lambda: _friction(triangle("fiberglass", **TRIANGLES["fiberglass"])))
+reproduces("loop.width_fiberglass", "m")(lambda: measured_loop("fiberglass", stroke="fiberglass").width)
 
 
 def bridgestone() -> Recording:
-    """Recorded cycles of the Bridgestone muscle, 0.78 to 1.02 L0, on a rig."""
-    return triangle("bridgestone", stroke="bridgestone", rig=MODERN)
+    """Recorded cycles of the Bridgestone muscle."""
+    return triangle("bridgestone", **TRIANGLES["bridgestone"])
 
 
 def _bridgestone_note() -> str:
@@ -151,10 +162,21 @@ def pressure_variation(record: Recording) -> Variation:
     return variation(record, channel="pressure", drive="span")
 
 
+def worst_pressure_variation(changes: tuple[tuple[str, str], ...] = ()) -> tuple[float, float]:
+    """Largest variation of the pressure within a cycle of all pressures, as measured and the true one there [Pa].
+
+    With a changed rig, that at the pressure that was worst.
+    """
+    worst = max(PRESSURES, key=lambda p: pressure_variation(triangle(pressure=p)).largest)
+    record = triangle(pressure=worst, changes=changes)
+    true = variation(record, channel="muscle.pressure", drive="span").largest
+    return pressure_variation(record).largest, true
+
+
 @reproduces("loop.pressure_variation", "Pa")
 def largest_pressure_variation() -> ComputedValue:
     """Largest variation of the pressure within a cycle, the worst of the six pressures."""
-    worst = max(pressure_variation(triangle(pressure=p)).largest for p in PRESSURES)
+    worst, _ = worst_pressure_variation()
     counts = worst / float(rig("paper").sensors["pressure"].resolution)
     bare = recording("preconditioning", plumbing="direct", pressure=FIVE_BAR, frequency="1 Hz", cycles=4)
     without = pressure_variation(step_of(bare, "cycles"))
@@ -198,8 +220,8 @@ def rising_path_distance() -> ComputedValue:
 FIGURE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)  # of the twelve only the ends are printed [Hz]
 FASTEST = 40.0  # [Hz]; the text's 8 L0/s at the amplitude of the figure
 AMPLITUDE = 0.0318  # 0.2 L0/s at 1 Hz [L0]
-SINE_CYCLES = 8
-OFF, TRIES = 0.05, 4  # error of the amplitude from which a sine is repeated [1], and how often at most
+SINE_CYCLES, SINE_TIME = 8, 4.0  # recorded of a sine: so many cycles and so long [s], for at 10 Hz samples are few
+OFF, TRIES = 0.025, 6  # error of the amplitude from which a sine is repeated [1], and how often at most
 
 
 class SineLoop(NamedTuple):
@@ -221,29 +243,26 @@ def _words(frequency: float) -> str:
 
 
 def recorded_sines(frequency: float) -> Recording:
-    """Recording of the sine of a frequency [Hz] with about the amplitude of the figure.
+    """Recording of the sine of a frequency [Hz] with about the amplitude of the figure, on which the width depends.
 
     Raises:
         ConvergenceError: no amplitude that was requested gave it.
     """
-    words = _words(frequency)
-    every = tuple(_words(f) for f in (*FIGURE, FASTEST))
-    record = step_of(recording("sinusoids", frequency=every, cycles=SINE_CYCLES), "sines", frequency=words)
-    asked = AMPLITUDE
+    words, asked = _words(frequency), AMPLITUDE
     for _ in range(TRIES):
+        whole = recording(
+            "sinusoids",
+            frequency=words,
+            amplitude=f"{asked:.5f} L0",
+            cycles=max(SINE_CYCLES, math.ceil(SINE_TIME * frequency)),
+            precondition=max(2, math.ceil(frequency)),
+        )
+        record = step_of(whole, "sines")
         raw = without_lag(record).raw
         share = (raw.length_high - raw.length_low) / (2.0 * AMPLITUDE * _rest_length())
         if abs(share - 1.0) <= OFF:
             return record
         asked /= share
-        again = recording(
-            "sinusoids",
-            frequency=words,
-            amplitude=f"{asked:.5f} L0",
-            cycles=SINE_CYCLES,
-            precondition=max(2, math.ceil(frequency)),
-        )
-        record = step_of(again, "sines")
     raise ConvergenceError(f"no sine of {words} had an amplitude of {AMPLITUDE:g} L0 within {OFF:g} of it")
 
 
@@ -382,22 +401,26 @@ reproduces("static.fit_Pa", "Pa")(lambda: _found("offset_pressure", "bar", 1e5, 
 reproduces("static.fit_Lmin", "m")(lambda: _found("shortest_length", "cm", 1e-2, 2))
 reproduces("static.fit_Fa", "N")(lambda: _found("offset_tension", "N", 1.0, 1))
 
-LUBRICANT_CYCLES = {"precondition": 2, "cycles": 3}
+DRY, OILED, OF_OILS = "no lubricant", "WD-40", 0.9  # what the paper's rig leaves of the friction
+LUBRICANT_CYCLES = {"precondition": 4, "cycles": 12}  # of three cycles a tenth of the height is told to 3 % only
 
 
-def treated(lubricant: str) -> TensionLoop:
-    """Loop with a lubricant on the muscle."""
-    return loop(
-        step_of(recording("lubricant-test", lubricant=lubricant, **LUBRICANT_CYCLES), "loops"),
-        length=SPAN,
-        tension=TENSION,
-    )
+def treated(lubricant: str, *, friction: float = 1.0) -> TensionLoop:
+    """Loop with a lubricant on the muscle, whose friction is a share of its specimen's."""
+    whole = recording("lubricant-test", lubricant=lubricant, friction=friction, **LUBRICANT_CYCLES)
+    return loop(step_of(whole, "loops"), length=SPAN, tension=TENSION)
+
+
+def lubricated_share(left: float) -> float:
+    """Ratio of the loop's height where a share of the friction is left to that without a lubricant."""
+    oiled = treated(OILED) if left == OF_OILS else treated(DRY, friction=left)
+    return loop_ratio(oiled, treated(DRY)).height
 
 
 @reproduces("friction.lubricated", "1", "with WD-40; it tests the measurement, not the lubricant")
 def lubricated() -> float:
     """Ratio of the loop's height with WD-40 to that without."""
-    return loop_ratio(treated("WD-40"), treated("no lubricant")).height
+    return loop_ratio(treated(OILED), treated(DRY)).height
 
 
 ISOTHERMAL = {"rig": "paper-isothermal"}
@@ -415,11 +438,16 @@ def timings(stroke: str, **options: JsonValue) -> tuple[IsometricTiming, ...]:
     return isometric_timing(steps(stroke, **options), command="valve.command", pressure="pressure", tension="tension")
 
 
+def mean_time(what: str, *, stroke: str, rising: bool, **options: Any) -> float:
+    """Mean of one number over the rising or the falling steps of a range [s]."""
+    return float(np.mean([getattr(t, what) for t in timings(stroke, **options) if t.rising == rising]))
+
+
 def mean_of(what: str, *, stroke: str = "full", rising: bool = True) -> ComputedValue:
     """Mean of one number over the rising or the falling steps of a range [s], beside that of other assumptions."""
 
     def mean(**which: Any) -> float:
-        return float(np.mean([getattr(t, what) for t in timings(stroke, **which) if t.rising == rising]))
+        return mean_time(what, stroke=stroke, rising=rising, **which)
 
     length = steps(stroke)["muscle.length"]
     return ComputedValue(
@@ -444,16 +472,18 @@ LOADS = {LIGHT: 10.0, FAST: 50.0}  # [N]
 SKIP = 1  # the first cycle comes after another history
 
 
-def cycles(case: tuple[str, str]) -> Recording:
-    """The recorded cycles at one load and frequency."""
+def cycles(case: tuple[str, str], changes: tuple[tuple[str, str], ...] = ()) -> Recording:
+    """The recorded cycles at one load and frequency, on a rig that may be changed."""
     load, frequency = case
-    return step_of(recording("isotonic-triangle", load=load, frequency=frequency), "cycles")
+    return step_of(recording("isotonic-triangle", load=load, frequency=frequency, changes=changes), "cycles")
 
 
 @functools.cache
-def power(case: tuple[str, str]) -> ShorteningPower:
-    """Work and power of the cycles at one load and frequency."""
-    return shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP)
+def power(
+    case: tuple[str, str], *, changes: tuple[tuple[str, str], ...] = (), window: float | None = None
+) -> ShorteningPower:
+    """Work and power of the cycles at one load and frequency; the velocity over a window [s], else a fiftieth of a cycle."""
+    return shortening_power(cycles(case, changes), length=SPAN, tension=TENSION, skip=SKIP, window=window)
 
 
 @functools.cache
@@ -474,7 +504,7 @@ def _work(case: tuple[str, str]) -> ComputedValue:
 
 def _peak(case: tuple[str, str]) -> ComputedValue:
     p = power(case)
-    wide = shortening_power(cycles(case), length=SPAN, tension=TENSION, skip=SKIP, window=0.25 / p.frequency).peak_power
+    wide = power(case, window=0.25 / p.frequency).peak_power
     return ComputedValue(
         p.peak_power,
         f"at {p.peak_velocity:.2f} m/s, velocity over {p.window * MS:.0f} ms; {wide:.3g} W with it over a quarter of a "

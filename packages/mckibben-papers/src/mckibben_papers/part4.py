@@ -19,10 +19,8 @@ from mckibben.analysis.energy import (
     cycle_muscle,
     energy_curve,
     energy_cycle,
-    zero_pressure,
 )
 from mckibben.components import Environment
-from mckibben.muscles.build import law_from_specimen
 from mckibben.quantities import from_si, parse
 from mckibben.specimens import specimen
 
@@ -36,14 +34,7 @@ PRESSURES = np.linspace(1e5, 10e5, 91)  # of Fig. 12c, where the largest Wa/W12 
 
 def muscle(volume: str = "paper") -> CycleMuscle:
     """Muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
-    law = law_from_specimen(specimen(MUSCLE))
-    line = {
-        "stiffness_per_pressure": computed.KG,
-        "shortest_length": computed.LMIN,
-        "passive_stiffness": computed.passive_stiffness(),
-        "threshold_pressure": computed.threshold_pressure(),
-    }
-    return cycle_muscle(law.replace(**line), volume)
+    return cycle_muscle(computed.line(computed.KG, computed.PA, computed.LMIN, computed.FA), volume)
 
 
 def stretched_length() -> float:
@@ -131,9 +122,6 @@ for _name in ("maximal", "isotonic", "valve"):
             )
 reproduces("energy.maximal.output", "J")(lambda: _number("maximal", "output"))
 reproduces("energy.atmosphere", "Pa")(lambda: parse("1 atm", "Pa", field="atmosphere"))  # by its definition
-reproduces("energy.maximal.zero_pressure", "Pa", "where friction takes all that the gas gives")(
-    lambda: zero_pressure(muscle(), "maximal", conditions())
-)
 
 
 @reproduces("energy.maximal.compression", "J")
@@ -170,13 +158,18 @@ def maximal_best_pressure() -> ComputedValue:
     return ComputedValue(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
 
 
+def largest_share(of: CycleMuscle, between: Conditions) -> tuple[float, float]:
+    """Largest ratio Wa/W12 of maximal shortening, and its pressure [Pa]."""
+    cycles = energy_curve(of, "maximal", PRESSURES, between).cycles
+    share = cycles.output / cycles.delivery
+    return float(np.nanmax(share)), float(PRESSURES[int(np.nanargmax(share))])
+
+
 @reproduces("energy.maximal.output_below_W12", "1")
 def maximal_output_below_delivery() -> ComputedValue:
     """Largest ratio Wa/W12 of maximal shortening."""
-    cycles = energy_curve(muscle(), "maximal", PRESSURES, conditions()).cycles
-    share = cycles.output / cycles.delivery
-    at = from_si(PRESSURES[int(np.nanargmax(share))], "Pa", "bar")
-    return ComputedValue(float(np.nanmax(share)), f"at {at:.1f} bar")
+    share, at = largest_share(muscle(), conditions())
+    return ComputedValue(share, f"at {from_si(at, 'Pa', 'bar'):.1f} bar")
 
 
 @reproduces("energy.isotonic.output", "J")

@@ -59,11 +59,9 @@ PARTS = {
     "discussion": "Discussion",
 }
 LEFT_OUT = "Rows that need recordings of the simulated test machine were left out."
-PREDICTIONS = "Predictions. No input was inferred from these numbers or from their experiment"
+PREDICTIONS = "Predictions. Each number from all others: what is not printed of its inputs was inferred without it"
 _SIGNS = {
     "predicted": "✓",
-    "elsewhere": "(✓)",
-    "calibrated": "(✓)",
     "arithmetic": "=",
     "misprint": "▲",
     "open": "○",
@@ -169,7 +167,7 @@ def title_of(row: PrintedRow) -> str:
 
 def predictions_first(outcomes: Iterable[RowOutcome]) -> list[RowOutcome]:
     """Outcomes with the predictions in front, those that agree before those that are open; otherwise in their order."""
-    return sorted(outcomes, key=lambda o: (not is_prediction(o.row), is_prediction(o.row) and o.row.expect == "open"))
+    return sorted(outcomes, key=lambda o: (not is_prediction(o.row), is_prediction(o.row) and o.verdict == "open"))
 
 
 # ---- numbers
@@ -228,8 +226,10 @@ def _verdict(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn], left_out: s
         yield ReportTable(columns, rows)
         yield Paragraph(
             "A gauge beside a number shows the tolerance in grey, the print as a tick and ours as a dot; an arrow is a "
-            "number beyond twice the tolerance. Every row says what went into ours. A tolerance is half a unit of the last "
-            "printed digit, unless its reason is given.",
+            "number beyond twice the tolerance. Every row says what went into ours; a prediction says from how many other "
+            "rows it comes, what these leave of it and of each inferred input, one standard deviation, and in brackets its "
+            "sensitivity to that input. An open one begins with the input that would have to change. A tolerance is half a "
+            "unit of the last printed digit, unless its reason is given.",
             "quiet",
         )
 

@@ -21,7 +21,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from mckibben.analysis.segments import segments
-from mckibben.assembly.build import unit_from_specimen
+from mckibben.assembly.build import rig_cord, unit_from_specimen
+from mckibben.bench.prepare import with_friction_scale
 from mckibben.bench.rig_file import rig as rig_of
 from mckibben.bench.run import prepare, run
 from mckibben.documents import JsonValue
@@ -122,6 +123,9 @@ def recording(
     plumbing: str | None = None,
     accept_saturation: bool = False,
     rigid: bool = False,
+    changes: tuple[tuple[str, str], ...] = (),
+    friction: float = 1.0,
+    law: tuple[tuple[str, float], ...] = (),
     **values: JsonValue,
 ) -> Recording:
     """Recording of a shipped protocol, made at the first call.
@@ -133,21 +137,26 @@ def recording(
         plumbing: name of the way in which the pneumatic parts are joined.
         accept_saturation: go on where the range of the cell is exceeded.
         rigid: the cord and the frame, whose stiffness is inferred, do not give way.
+        changes: other values of the rig, by their paths.
+        friction: of the muscle, over that of its specimen.
+        law: other parameters of the muscle's law [SI].
         **values: of the protocol's parameters; several in a tuple.
 
     Raises:
         InputError: the dry run found something.
         ConvergenceError: the run stopped before its end; says why.
     """
-    said = repr((name, muscle, rig, plumbing, accept_saturation, rigid, sorted(values.items())))
+    said = repr((name, muscle, rig, plumbing, accept_saturation, rigid, changes, friction, law, sorted(values.items())))
 
     def make() -> Recording:
         settings = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+        cord = RIGID_CORD if rigid else rig_cord()
+        unit = with_friction_scale(unit_from_specimen(muscle, tendon=cord, changes=dict(law)), friction)
         bench = prepare(
             protocol(name, **settings),
             muscle=muscle,
-            unit=unit_from_specimen(muscle, tendon=RIGID_CORD) if rigid else None,
-            rig=rig_of(rig, RIGID_FRAME) if rigid else rig,
+            unit=unit if rigid or law or friction != 1.0 else None,
+            rig=rig_of(rig, {**(RIGID_FRAME if rigid else {}), **dict(changes)}) if rigid or changes else rig,
             plumbing=plumbing,
             accept_saturation=accept_saturation,
         )
@@ -165,6 +174,8 @@ def recording(
 
     record = shared(said, make)
     others = [w for w in (None if rig == "paper" else rig, plumbing, "rigid" if rigid else None) if w]
+    others += [f"{path.rpartition('.')[2]} {value}" for path, value in (*changes, *law)]
+    others += [] if friction == 1.0 else [f"friction {friction:g}"]
     for folder in _saved_in:
         # Save a recording under the words that say which it is; another one of the same words gets a number
         words = [name, muscle, *others, *(f"{k} {v}" for k, v in values.items() if not isinstance(v, tuple))]

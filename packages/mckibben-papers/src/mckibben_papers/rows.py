@@ -7,17 +7,20 @@ import importlib
 from collections.abc import Callable, Iterable, Sequence
 from decimal import ROUND_HALF_UP, Decimal
 from importlib import resources
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from mckibben.documents import parse_toml
 from mckibben.errors import InputError
 from mckibben.quantities import from_si
 
+if TYPE_CHECKING:
+    from .inference import RowPrediction
+
 Value = float | tuple[float, float]
 BASES = {  # what went into a computed value -> verdict of a row that agrees
     "prediction": "predicted",
-    "another row": "calibrated on another row",
-    "this row": "calibrated on this row",
+    "other rows": "predicted",
+    "words": "not printed",
     "arithmetic": "arithmetic",
 }
 
@@ -59,17 +62,21 @@ class PrintedRow(NamedTuple):
 
     @property
     def calibrated(self) -> bool:
-        """Whether an input was inferred from this row, or from another one from which this follows."""
-        return self.basis in ("this row", "another row")
+        """Whether inputs of this row were inferred from others that are printed."""
+        return self.basis == "other rows"
 
 
 class RowOutcome(NamedTuple):
-    """A row with our value, in the row's unit; ``ok`` is None without a verdict."""
+    """A row with our value, in the row's unit; ``ok`` is None without a verdict.
+
+    `prediction` is what all other rows say of it, where inputs were inferred from them: ours is then its value.
+    """
 
     row: PrintedRow
     ours: float | None
     ok: bool | None
     note: str
+    prediction: RowPrediction | None = None
 
     @property
     def verdict(self) -> str:
@@ -84,6 +91,8 @@ class RowOutcome(NamedTuple):
             return "told again"
         if self.row.expect in ("open", "synthetic"):
             return self.row.expect
+        if self.prediction is not None and self.ok is None:
+            return "open"
         if self.row.expect == "erratum":
             return "misprint"
         return BASES[self.row.basis]
@@ -137,6 +146,11 @@ def _way(row: PrintedRow) -> Computation | None:
     return _WAYS.get(row.id)
 
 
+def is_inferred(row: PrintedRow) -> bool:
+    """Whether a row is predicted from all others: what has no printed value, repeats one or is a misprint is not."""
+    return row.basis == "other rows" and row.printed and not row.repeats and row.expect in ("printed", "near", "range")
+
+
 @functools.cache
 def all_rows() -> tuple[PrintedRow, ...]:
     """All printed numbers, in the order of the papers."""
@@ -144,6 +158,7 @@ def all_rows() -> tuple[PrintedRow, ...]:
     return tuple(_row(entry) for entry in parse_toml(text, where="rows.toml")["row"])
 
 
+@functools.cache
 def rows_by_name() -> dict[str, PrintedRow]:
     """All printed numbers by identifier, which pages of mckibben show beside theirs."""
     return {row.id: row for row in all_rows()}
@@ -172,19 +187,42 @@ def select(part: str | None = None, identifiers: list[str] | None = None) -> lis
     return rows
 
 
-def reproduce_row(row: PrintedRow) -> RowOutcome:
-    """Compute one row and its verdict."""
+def computed_row(row: PrintedRow) -> RowOutcome:
+    """Compute one row with the numbers of specimen and rig, which the figures draw."""
     way = _way(row)
     if way is None:
         return RowOutcome(row, None, None, said_of(row))
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
+    ours = in_row_unit(row.id, value)
+    said = [_again(row), row.note, way.note, remark, _reasoned(row), _based(row)]
+    return RowOutcome(row, ours, judge(row, ours), "; ".join(filter(None, said)))
+
+
+def reproduce_row(row: PrintedRow) -> RowOutcome:
+    """Compute one row and its verdict; what has inputs that are not printed is predicted from all other rows."""
+    computed = computed_row(row)
+    if computed.ours is None or not is_inferred(row):
+        return computed
+    from .inference import predict
+    from .networks import network
+
+    prediction = predict(network(row.id), row.id)
+    at = f"{computed.ours:.4g}{'' if row.unit == '-' else f' {row.unit}'} with the numbers of specimen and rig"
+    note = "; ".join(filter(None, (prediction.words(row), at, computed.note)))
+    agreed = prediction.told and judge(row, prediction.value)
+    return RowOutcome(row, prediction.value, agreed or None, note, prediction)
+
+
+def in_row_unit(name: str, value: float) -> float:
+    """Value [SI] of a row in its unit; of any other name the value itself."""
+    row = rows_by_name().get(name)
+    way = None if row is None else _way(row)
+    if row is None or way is None:
+        return value
     plain = row.unit.replace("(L0 cm2)", "cm2").replace("/L0", "").replace(" L0", "").replace("L0", "1")
-    ours = from_si(
-        value, way.si_unit, plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
-    )
-    note = "; ".join(filter(None, (_again(row), row.note, way.note, remark, _reasoned(row), _based(row))))
-    return RowOutcome(row, ours, judge(row, ours), note)
+    plain = plain.replace("cm2", "cm^2").replace("cm3", "cm^3").replace("s2", "s^2").replace(" ", "*")
+    return from_si(value, way.si_unit, plain)
 
 
 def said_of(row: PrintedRow) -> str:
@@ -200,7 +238,7 @@ def _based(row: PrintedRow) -> str:
     """Words on what went in; for a row without a declaration none."""
     if not row.inputs or row.expect == "synthetic":
         return row.inputs
-    return f"{BASES[row.basis]}: {row.inputs}"
+    return f"{'inferred' if row.basis in ('other rows', 'words') else BASES[row.basis]}: {row.inputs}"
 
 
 def _reasoned(row: PrintedRow) -> str:
@@ -246,6 +284,11 @@ def decimals_of(row: PrintedRow) -> int:
     return -exponent
 
 
+def agrees(row: PrintedRow, ours: float) -> bool:
+    """Whether our value is what the row expects; an open row expects nothing."""
+    return judge(row, ours) is not False
+
+
 def accepted_band(row: PrintedRow) -> tuple[float, float] | None:
     """Middle and half-width of what counts as agreement [the row's unit]; None if nothing does."""
     if row.expect == "open":
@@ -289,19 +332,7 @@ KINDS = {
             "predicted",
             "predicted",
             ("is predicted", "are predicted"),
-            "agrees, and no input was inferred from it or from another number of the same experiment",
-        ),
-        VerdictKind(
-            "elsewhere",
-            "calibrated on another row",
-            ("is calibrated on another row", "are calibrated on other rows"),
-            "agrees, and follows from inputs that were inferred from printed numbers of other rows: no prediction",
-        ),
-        VerdictKind(
-            "calibrated",
-            "calibrated on this row",
-            ("is calibrated on its own row", "are calibrated on their own row"),
-            "agrees, but an input was inferred from this printed number: no prediction",
+            "agrees; what is not printed of its inputs was inferred from other rows, without it",
         ),
         VerdictKind(
             "arithmetic",
@@ -319,7 +350,7 @@ KINDS = {
             "open",
             "open",
             ("is open", "are open"),
-            "ours is shown with the reason for the difference, and never tuned to the print",
+            "differs, or no other row tells it: the input that would have to change is named, and nothing is tuned",
         ),
         VerdictKind(
             "misprint",
@@ -345,8 +376,6 @@ KINDS = {
 }
 DIFFERING = (  # keys whose differences the headline shows
     "predicted",
-    "elsewhere",
-    "calibrated",
     "arithmetic",
     "synthetic",
     "open",
@@ -391,8 +420,10 @@ def relative_difference(row: PrintedRow, ours: float | None) -> float | None:
 
 
 def is_prediction(row: PrintedRow) -> bool:
-    """Whether a row predicts a printed number; where no measured curve is printed there is nothing to predict."""
-    return row.basis == "prediction" and row.expect != "synthetic" and row.printed and not row.repeats
+    """Whether a row predicts a printed number: from others of its experiment, or from none."""
+    return is_inferred(row) or (
+        row.basis == "prediction" and row.printed and not row.repeats and row.expect == "printed"
+    )
 
 
 def relative_tolerance(row: PrintedRow) -> float | None:
@@ -419,10 +450,10 @@ def headline(outcomes: Sequence[RowOutcome]) -> str:
     beside = [t for t in tallies(outcomes) if t.kind.key in ("repeats", "unprinted")]
     counted = [t for t in tallies(outcomes) if t not in beside]
     parts = [f"{t.rows} {t.kind.counted[t.rows != 1]}{_between(t)}" for t in counted]
-    missed = sum(is_prediction(o.row) and kind_of(o).key == "open" for o in outcomes)
-    if missed:
+    untold = sum(o.prediction is not None and not o.prediction.told for o in outcomes)
+    if untold:
         at = [t.kind.key for t in counted].index("open")
-        parts[at] += f" of which {missed} {'are predictions' if missed > 1 else 'is a prediction'}"
+        parts[at] += f" of which the others do not tell {untold}"
     if not any(t.kind.key == "short" for t in counted) and any(t.kind.key != "to come" for t in counted):
         parts.append("none falls short")
     count = sum(t.rows for t in counted)

@@ -27,7 +27,11 @@ from .slip import Contacts, FrictionLimit, advanced, per_contact, slip
 
 
 class MaxwellSlip(Contacts):
-    """Elements in parallel; the state is the deflection of each [m], shape (..., elements)."""
+    """Elements in parallel; the state is the deflection of each [m], shape (..., elements).
+
+    Limit and stiffness are those of each element, arrays (elements,): the friction of all together is their sum. One limit
+    beside several stiffnesses is refused; ``limit.scaled(shares)`` shares it, and `geometric` does so evenly.
+    """
 
     limit: FrictionLimit
     stiffness: Scalar = quantity(

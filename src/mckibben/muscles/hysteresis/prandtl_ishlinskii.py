@@ -21,7 +21,7 @@ from ..._jax import jnp
 from ...components import Module, Scalar
 from ...components.element import Advanced, Hysteresis
 from ...quantities import quantity
-from .slip import advanced, contact_energy, contact_force, per_contact, slip
+from .slip import advanced, contact_energy, contact_force, per_contact, require_each, slip
 
 
 class PrandtlIshlinskii(Hysteresis):
@@ -44,6 +44,10 @@ class PrandtlIshlinskii(Hysteresis):
 
     title = "Prandtl-Ishlinskii"
     cites = ("krasnoselskii1989", "kuhnen2003")
+
+    def __check_init__(self) -> None:
+        """Weights are those of each stop."""
+        require_each(type(self).__name__, {"weight": self.weight}, self.threshold, self.threshold_per_pressure)
 
     def initial(self) -> Scalar:
         """State without deflections, shape (stops,) [m]."""
@@ -117,6 +121,11 @@ class PlayMap(Module):
         typical=(-1.0, 1.0),
         default=(),
     )
+
+    def __check_init__(self) -> None:
+        """Weights are those of each play, bends those of each hinge."""
+        require_each(type(self).__name__, {"weight": self.weight}, self.threshold)
+        require_each(type(self).__name__, {"bend": self.bend}, self.hinge)
 
     def initial(self, pressure: Scalar = 0.0) -> Scalar:
         """State after a long fall to a gauge pressure [Pa]: every play at its lower side; the output lags above."""

@@ -13,16 +13,23 @@ stiffness: a force Fc(P') z/d would give energy back when the pressure rises.
 from __future__ import annotations
 
 import abc
+from collections.abc import Mapping
 from typing import Any
 
-from ..._jax import jnp
+import numpy as np
+
+from ..._jax import is_traced, jnp
 from ...components import AbstractVar, Module, Scalar
 from ...components.element import Advanced, Hysteresis
+from ...errors import InputError
 from ...quantities import quantity
 
 
 class FrictionLimit(Module):
-    """Largest force of a friction, or of each of its elements where the parameters are arrays."""
+    """Largest force of a friction of one contact, or of each of its elements where the parameters are arrays (elements,).
+
+    It is never the limit of all elements together: ``limit.scaled(np.full(4, 0.25))`` shares that among four.
+    """
 
     constant: Scalar = quantity("N", (0.0, 1e5), "friction without pressure", symbol="Fc0", typical=(0.0, 20.0))
     per_pressure: Scalar = quantity(
@@ -85,11 +92,39 @@ def per_contact(value: Scalar) -> Scalar:
     return jnp.asarray(value, float)[..., None]
 
 
+def require_each(where: str, amounts: Mapping[str, Scalar], *others: Scalar) -> None:
+    """Refuse one number for an amount that adds up over elements: each would have it, and all together many times as much.
+
+    Args:
+        where: type that has the elements.
+        amounts: forces, stiffnesses and weights by name, a number or (..., elements).
+        *others: further parameters that may have an axis of elements.
+
+    Raises:
+        InputError: names the amount, or one that has another number of elements.
+    """
+    sizes = {np.shape(value)[-1] for value in (*amounts.values(), *others) if np.ndim(value)}
+    count = max(sizes, default=1)
+    for name, value in amounts.items():
+        if count > 1 and np.ndim(value) == 0 and (is_traced(value) or float(value) != 0.0):
+            problem = f"must have a value for each of {count} elements, or all have {count} times as much together"
+            raise InputError(name, None, f"{problem}: share it, as by np.full({count}, 1/{count})", where=where)
+    if len(sizes - {1}) > 1:
+        problem = f"must have as many elements as the others, got {' and '.join(map(str, sorted(sizes)))}"
+        raise InputError(next(iter(amounts)), None, problem, where=where)
+
+
 class Contacts(Hysteresis):
     """Friction of one contact or several; the state is the deflection of each [m], shape (..., contacts)."""
 
     limit: AbstractVar[FrictionLimit]
     stiffness: AbstractVar[Scalar]
+
+    def __check_init__(self) -> None:
+        """Limit and stiffness are those of each contact."""
+        limit = self.limit
+        amounts = {"limit.constant": limit.constant, "limit.per_pressure": limit.per_pressure}
+        require_each(type(self).__name__, {**amounts, "stiffness": self.stiffness})
 
     def initial(self) -> Scalar:
         """State without deflections, shape (contacts,) [m]."""

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.loops import TensionPath
+from ...analysis.steps import pressure_decay
 from ...answers import brief
 from ...documents import JsonValue
 from ...errors import InputError, StageError
@@ -298,15 +299,7 @@ def leak_of(record: Recording) -> Estimate:
     shut = _part(record, "shut", "leak")
     begin = shut.time[0] + 1.0
     kept = shut.select(start=begin)
-    pressure, time = kept["pressure"], kept.time - kept.time[0]
-    matrix = np.column_stack([np.ones(len(time)), time])
-    solution = np.linalg.lstsq(matrix, pressure, rcond=None)[0]
-    error = matrix @ solution - pressure
-    spread = uncertainty(matrix, error, ("pressure", "slope"))
-    half = float(spread.quantile * spread.standard_error[1] * widening([error]))
-    mean = float(np.mean(pressure))
-    value, low, high = (max(float(-(solution[1] + side * half) / mean), 0.0) for side in (0.0, 1.0, -1.0))
-    return Estimate(value, low, high, "1/s")
+    return pressure_decay(kept.time, kept["pressure"])
 
 
 def _path(record: Recording, zero_pressure: float) -> tuple[SpanPath, np.ndarray]:

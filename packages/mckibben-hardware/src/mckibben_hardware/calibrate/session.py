@@ -385,10 +385,21 @@ class CalibrationSession:
             p: OperatorTask(f"set the pressure to {with_unit(p, 'Pa')}", dict.fromkeys(channels, p), True)
             for p in pressures
         }
-        points = self._points(asked, channels)
+        return self.taken_pressures(self._points(asked, channels), reference)
+
+    def taken_pressures(self, points: Mapping[str, Sequence[Point]], reference: Reference) -> CalibrationOutcome:
+        """Calibrate pressure sensors by points that were read before, of each channel with those of the reference."""
+        for name, some in points.items():
+            grid = self._grid(name)
+            _different("readings", [*dict.fromkeys(p.true for p in some)], "Pa")
+            for p in some:
+                if not grid.least <= p.true <= grid.most:
+                    ends = f"{with_unit(grid.least, grid.unit)} and {with_unit(grid.most, grid.unit)}"
+                    problem = f"must be between {ends}, the range of the sensor"
+                    raise InputError(f"reference for {name}", with_unit(p.true, grid.unit), problem)
         lines = {
-            n: estimate.pressure_reference(points[n], resolution=self._grid(n).resolution, reference=reference)
-            for n in channels
+            n: estimate.pressure_reference(some, resolution=self._grid(n).resolution, reference=reference)
+            for n, some in points.items()
         }
         return self._outcome("pressure", reference, lines, points)
 

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +16,11 @@ from mckibben.bench import hardware, rig_file
 from mckibben.bench.rig import Rig
 from mckibben.documents import JsonValue
 from mckibben.errors import InputError
-from mckibben.quantities import in_si, with_unit
+from mckibben.formats.columns import column_numbers, table_labels
+from mckibben.formats.labels import converts, parse_header, plain_stem
+from mckibben.formats.registry import load
+from mckibben.formats.table import ForeignTable
+from mckibben.quantities import in_si, to_si, with_unit
 from mckibben.recordings import calibration, provenance
 from mckibben.recordings.calibration import Calibration
 from mckibben.recordings.calibration_file import VALUES, correction_dict, merged, shown_term, write_calibration
@@ -25,6 +29,7 @@ from mckibben.verbs import (
     Changes,
     ChannelName,
     Count,
+    DataFile,
     Duration,
     Frequency,
     Lengths,
@@ -40,7 +45,7 @@ from mckibben.verbs import (
 
 from . import estimate
 from . import session as sources
-from .estimate import Reference
+from .estimate import Point, Reference, ReferenceReading
 from .session import Ask, CalibrationOutcome, CalibrationSession
 
 PLACE = f"{__name__}:calibrate_weights"  # whose session the others take as well
@@ -323,29 +328,87 @@ def calibrate_weights(
 def calibrate_pressure(
     *,
     session: Session,
-    pressures: Pressures,
+    pressures: Pressures | None = None,
+    readings: DataFile | None = None,
     uncertainty: Uncertainty | None = None,
     scale_uncertainty: Share = "0 %",
     channels: ChannelNames = "pressure",
     samples: Count = 1000,
     reference: Words = "reference gauge",
 ) -> CalibratedChannels:
-    """Calibrate pressure sensors with a reference gauge.
+    r"""Calibrate pressure sensors with a reference gauge, whose points are set now or were read before.
 
     Args:
-        pressures: two or more gauge pressures [Pa], such as '0 bar,3 bar,6 bar'.
+        pressures: two or more gauge pressures that are set now [Pa], such as '0 bar,3 bar,6 bar'.
+        readings: table of readings already taken, of any format: a column reference, and one of each channel.
         session: rig, machine and what else `calibrate_zero` says of a session, such as ``{"rig": "modern"}``.
         uncertainty: standard uncertainty of each reference value, such as '1 kPa'.
         scale_uncertainty: standard uncertainty of a scale factor common to all reference values, such as '0.02 %'.
         channels: channels to calibrate, separated by commas.
         samples: number of samples averaged at each point.
         reference: name of the reference, such as 'WIKA CPG1500'.
+
+    Raises:
+        InputError: a value does not fit, a point is refused, or the table lacks a column.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> _ = Path("gauge.csv").write_text("reference [bar],pressure [bar]\n0,0.02\n3,3.05\n6,6.08\n3,3.05\n")
+        >>> answer = calibrate_pressure(session={"rig": "modern"}, readings="gauge.csv")
+        >>> round(answer.whole.corrections["pressure"].terms["zero"].value)  # of 6 bar on 6.06 bar
+        2000
     """
     share = _within("scale_uncertainty", scale_uncertainty, "1", 0.0, 1.0)
     gauge = Reference(reference, _within("uncertainty", uncertainty, "Pa"), share)
-    with _opened(session, samples, gauge) as (opened, found):
-        outcome = opened.pressure(_several("pressures", pressures), gauge, _names(channels))
-        return found(outcome)
+    if readings is None:
+        with _opened(session, samples, gauge) as (opened, found):
+            return found(opened.pressure(_several("pressures", pressures), gauge, _names(channels)))
+    for name, value in (
+        ("pressures", pressures),
+        ("simulate", session.get("simulate")),
+        ("machine", session.get("machine")),
+    ):
+        if value:
+            raise InputError(name, None, "is allowed only without {readings}, which were taken before")
+    points = _taken(readings, _names(channels))
+    with _opened({**session, "simulate": True}, samples, gauge) as (
+        opened,
+        found,
+    ):  # of which only the scales are asked
+        answer = found(opened.taken_pressures(points, gauge))
+    once = [name for name, some in points.items() if len({p.setting for p in some}) == len(some)]
+    said = [f"{name} was read once at each pressure, so its uncertainty has no hysteresis" for name in once]
+    return replace(answer, notes=(*answer.notes, *said))
+
+
+REFERENCES = ("reference", "true", "gauge", "standard", "referenz", "referenzdruck", "normal", "soll", "etalon")
+
+
+def _taken(file: Any, channels: Sequence[str]) -> dict[str, list[Point]]:
+    """Points of each channel in a table of gauge pressures: its column, and that of the reference [Pa]."""
+    where, table = str(file), load(Path(file))
+    if not isinstance(table, ForeignTable):
+        raise InputError("readings", None, "must be a table with a row for each reading", where=where)
+    columns = {}
+    for at, (label, column) in enumerate(zip(table_labels(table), table.columns, strict=True)):
+        stem, source = parse_header(at, label)
+        if source.unit is not None and converts(source.unit, "Pa"):
+            if source.reference == "absolute":
+                raise InputError(label, None, "must be a gauge pressure; the sensors are calibrated in it", where=where)
+            scale = to_si(1.0, source.unit, "Pa", field=label, where=where)
+            columns[plain_stem(stem)] = scale * column_numbers(column, table.rows, where)
+    of_reference = [name for name in columns if name in REFERENCES]
+    if len(of_reference) != 1 or any(channel not in columns for channel in channels):
+        needs = f"a column reference and one of each channel ({', '.join(channels)}), in a unit of pressure"
+        raise InputError("readings", ", ".join(table_labels(table)), f"must have {needs}", where=where)
+    true = columns[of_reference[0]]
+    return {
+        name: [
+            Point(float(t), float(t), ReferenceReading(float(r), 0.0, 0.0, 1.0))
+            for t, r in zip(true, columns[name], strict=True) if math.isfinite(t) and math.isfinite(r)
+        ]
+        for name in channels
+    }  # fmt: skip
 
 
 @verb

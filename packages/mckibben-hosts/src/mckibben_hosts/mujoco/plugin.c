@@ -17,7 +17,7 @@ static const double SPANS[MUSCLES][2] = {SPANLIMITS}; /* that a muscle can take 
 typedef struct {
     NAME_parameters parameters;
     NAME_outputs out;
-    double offset[MUSCLES], actuator[ACTUATORS], warned[MUSCLES + ACTUATORS];
+    double offset[MUSCLES], actuator[ACTUATORS], warned[MUSCLES + ACTUATORS], config;
 } instance_state;
 
 static instance_state *of(const mjModel *m, const mjData *d, int instance)
@@ -57,6 +57,17 @@ static void say_command(instance_state *q, int k, const char *name, double value
     q->warned[MUSCLES + k] = 1.0;
 }
 
+/* What tells the configuration of an instance from another: data may be stepped with a model that they were not made for,
+   as rollouts of many models do, and the numbers are those of the model. */
+static double config_of(const mjModel *m, int instance)
+{
+    const char *at = m->plugin_attr + m->plugin_attradr[instance];
+    const char *end = m->plugin_attr + (instance + 1 < m->nplugin ? m->plugin_attradr[instance + 1] : m->npluginattr);
+    unsigned long long hash = 14695981039346656037ULL; /* FNV-1a */
+    for (; at < end; ++at) hash = (hash ^ (unsigned char)*at) * 1099511628211ULL;
+    return (double)(hash >> 11); /* exact in a double */
+}
+
 static int number(const mjModel *m, int instance, const char *key, double low, double high, double *to, int count)
 {
     const char *text = mj_getPluginConfig(m, instance, key);
@@ -79,6 +90,7 @@ static int fill(const mjModel *m, int instance, instance_state *q)
     int count = 0;
     memset(q, 0, sizeof *q);
     q->parameters = NAME_default_parameters;
+    q->config = config_of(m, instance);
     for (int i = 0; i < m->nactuator; ++i)
         if (m->actuator_plugin[i] == instance && count++ < ACTUATORS) q->actuator[count - 1] = i;
     int good = 1;
@@ -131,10 +143,15 @@ static void reset(const mjModel *m, mjtNum *state, void *data, int instance)
 static void act_dot(const mjModel *m, mjData *d, int instance)
 {
     instance_state *q = of(m, d, instance);
+    int possible = 1;
+    if (q->config != config_of(m, instance)) {
+        const NAME_outputs out = q->out;
+        possible = fill(m, instance, q);
+        q->out = out;
+    }
     int a = m->actuator_actadr[(int)q->actuator[0]];
     double h = m->opt.timestep, numbers[SIZE];
     NAME_inputs inputs = NAME_default_inputs;
-    int possible = 1;
     for (int k = 0; k < SIZE; ++k) numbers[k] = d->act[a + k] * SCALES[k];
 GIVEN
     if (!possible) { /* nothing pulls, and the state stays */

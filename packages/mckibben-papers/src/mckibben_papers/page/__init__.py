@@ -60,7 +60,7 @@ def fixed_document() -> dict[str, JsonValue]:
     return {
         "kinds": [{"key": k.key, "one": k.verdict, "many": k.counted[1], "meaning": k.meaning} for k in KINDS.values()],
         "parts": [{"id": k, "title": v} for k, v in {FORETOLD: PREDICTIONS, **PARTS}.items()],
-        "rows": [_row_document(r) for r in sorted(all_rows(), key=lambda r: is_prediction(r) and r.expect == "open")],
+        "rows": [_row_document(r) for r in all_rows()],
         "figures": [
             {"id": f.id, "name": named(f), "title": f.title, "rows": f.rows, "recordings": f.recordings, "part": f.part}
             for f in FIGURES.values()

@@ -6,8 +6,6 @@ import { TS, clamp, escape, say } from './words.js'
 
 const SIGNS = {
   predicted: '<path d="M1.5 7l3.5 4 6.500-8.500" fill="none" stroke="var(--ink)" stroke-width="2"/>',
-  calibrated: '<circle cx="7" cy="7" r="6" fill="none" stroke="var(--ink-2)" stroke-dasharray="2 2"/><path d="M3.5 7l2.500 3 4.500-5.500" fill="none" stroke="var(--ink-2)" stroke-width="1.6"/>',
-  elsewhere: '<circle cx="7" cy="7" r="6" fill="none" stroke="var(--ink-2)"/><path d="M3.5 7l2.500 3 4.500-5.500" fill="none" stroke="var(--ink-2)" stroke-width="1.6"/>',
   arithmetic: '<path d="M2 5h10M2 9.500h10" fill="none" stroke="var(--ink)" stroke-width="1.8"/>',
   misprint: '<path d="M7 1l6.500 12H.5z" fill="var(--caution-edge)"/><path d="M7 5v4M7 10.300v1.600" stroke="var(--panel)" stroke-width="1.6"/>',
   open: '<circle cx="7" cy="7" r="5" fill="none" stroke="var(--ink)" stroke-width="1.6"/>',

@@ -1,0 +1,111 @@
+"""The number that holds a machine on a wanted motion: the inverse of law, friction, creep and load, sample by sample.
+
+    find u with  load(position, velocity, tensions(u)) at rest,   tensions(u) = law(span, P) + friction(z'(P)) + creep + c v
+    P = offset + slope u of each actuator,   z' the memory advanced along the wanted motion
+
+The memory is that of the wanted motion and not of the measured one, so that nothing is fed back. Newton's method, with
+steps that stay within the limits: what no number within them does is done as far as they go. Range: tied muscles, one
+output, motions slow enough that the inertia of the load does not count.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .._jax import Scalar, Tree, jnp
+from ..components import derivative
+from ..components.system import Value
+from ..engine.packed import Layout, compile_once
+from ..errors import InputError
+from .task import ControlTask
+
+ITERATIONS = 8  # of Newton's method; the tension of a law is nearly straight in its pressure
+
+
+class Inverse:
+    """The inverse of a task's model.
+
+    Args:
+        task: what is driven.
+        memory: whether friction and creep are inverted too; the static law alone otherwise.
+
+    Raises:
+        InputError: the model has a tendon, whose stretch no such inverse knows.
+    """
+
+    def __init__(self, task: ControlTask, *, memory: bool = True) -> None:
+        machine = task.model.machine
+        if any(unit.tendon is not None for unit in machine.units.values()):
+            raise InputError("task", None, "must be of muscles that are tied to their anchors: one has a tendon")
+        units = {
+            name: unit if memory else unit.with_fields(friction=None, creep=None)
+            for name, unit in machine.units.items()
+        }
+        parts = (units, machine.load)
+        states = {name: {key: ledger.state for key, ledger in u.initial_memory().items()} for name, u in units.items()}
+        self.task, self._parts, self._rest = task, Layout.of(parts).pack(parts), Layout.of(states).pack(states)
+        self._run = compile_once(_advance, (tuple(task.actuators.items()),), parts, states, np.zeros(7))
+        self._low, self._high = task.limits
+        self.reset(0.0)
+
+    def reset(self, output: float) -> float:
+        """Begin at rest at an output, with relaxed memory; returns the number u that holds it [SI]."""
+        self._memory, self._position = self._rest, self._field(output)
+        self._number = 0.5 * (self._low + self._high)
+        for _ in range(2):  # the second time from the number that holds it
+            self.advance(output)
+            self._memory = self._rest
+        return self._number
+
+    def advance(self, output: float) -> float:
+        """Go straight to an output within a sample [SI]; returns the number u at its end [SI]."""
+        position = self._field(output)
+        numbers = np.array(
+            [position, self._position, self._number, self.task.period, self._low, self._high, self._number]
+        )
+        self._memory, (self._number,) = self._run(self._parts, self._memory, numbers)
+        self._position = position
+        return float(self._number)
+
+    def _field(self, output: float) -> float:
+        """The value of the field of the observation at an output [SI]."""
+        return self.task.zero + self.task.sign * output
+
+
+def _advance(actuators: Any, parts: Tree, memory: Tree, numbers: Tree) -> tuple[Tree, Scalar]:
+    """Memory and number u at the end of a sample."""
+    (units, load), (to, start, before, period, low, high, guess) = parts, (numbers[i] for i in range(7))
+    kind = type(load.initial())
+    velocity, still = (to - start) / period, {name: Value(jnp.zeros(()), jnp.zeros(())) for name in load.signals()}
+    here, there = load.spans(kind(to, velocity), still), load.spans(kind(start, velocity), still)
+
+    def moved(number: Scalar) -> dict[str, Any]:
+        states: dict[str, Any] = {}
+        for name, (offset, slope) in actuators:
+            path = here[name].span - there[name].span
+            pressures = {"start_pressure": offset + slope * before, "end_pressure": offset + slope * number}
+            states[name] = {
+                key: part.advance(memory[name][key], path, **pressures, duration=period).state
+                for key, part in units[name].parts.items()
+            }
+        return states
+
+    def push(number: Scalar) -> Scalar:
+        """Acceleration of the load [SI]."""
+        states, tensions = moved(number), {}
+        for name, (offset, slope) in actuators:
+            unit, pressure, span = units[name], offset + slope * number, here[name]
+            own = unit.law.braid_tension(span.span, pressure) + unit.damping(span.span) * span.velocity
+            inner = (p.force(states[name][k], span.velocity, pressure) for k, p in unit.parts.items())
+            tensions[name] = sum(inner, start=own)
+        acceleration: Scalar = load.rates(kind(to, velocity), tensions, still)[1]
+        return acceleration
+
+    number = guess
+    for _ in range(ITERATIONS):
+        slope = derivative(push, number)
+        number = number - push(number) / jnp.where(slope == 0.0, 1.0, slope)
+        number = jnp.minimum(jnp.maximum(number, low), high)
+    return moved(number), number
