@@ -33,6 +33,15 @@ def nomenclature(_: Path) -> str:
     )
 
 
+def glossary(_: Path) -> str:
+    """Return the words of the field, which the screen explains in the same sentences."""
+    from mckibben.nomenclature import GLOSSARY
+
+    rows = [[f"**{word}**", one.sentence, f"[more](../../{one.page}.md)"] for word, one in sorted(GLOSSARY.items())]
+    said = "Words of the field in one sentence each. The pages of the screen explain them where they stand."
+    return _page("Glossary", said, _table(["word", "meaning", ""], rows))
+
+
 def parameters(_: Path) -> str:
     """Return the tables of all declared parameters."""
     from mckibben.components import Environment
@@ -822,7 +831,7 @@ the unit in the description. A number that can only be a slip, such as a pressur
 
 PAGES: dict[str, Callable[[Path], str]] = {
     f"{FOLDER}/{make.__name__}.md": make
-    for make in (nomenclature, parameters, cli, specimens, catalogue, rigs, boards, conformance, papers, literature)
+    for make in (nomenclature, glossary, parameters, cli, specimens, catalogue, rigs, boards, conformance, papers, literature)
 } | {
     f"reference/api/{name}.md": (public_names if name == "mckibben" else lambda _, name=name: room(name))  # type: ignore[misc]
     for name in ROOMS

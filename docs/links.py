@@ -19,6 +19,7 @@ INDEX = "reference/index.md"
 GENERATED = {
     "command-line": "reference/generated/cli.md",
     "nomenclature": "reference/generated/nomenclature.md",
+    "glossary": "reference/generated/glossary.md",
     "parameters": "reference/generated/parameters.md",
     "specimens": "reference/generated/specimens.md",
     "parts": "reference/generated/catalogue.md",

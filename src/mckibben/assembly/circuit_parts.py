@@ -280,7 +280,10 @@ class _MuscleNodeTable(_ChamberTable):
             raise error.changed(field=place.below(key).field, where=place.where) from None
         if not law.has_volume():
             raise place.below("law").fail(name, "must be a law that knows its volume, such as linear_threshold")
-        return law, f"{spec.id} by {name}"
+        # a specimen of which no number of the law is left gives nothing but a name, and it would be a wrong one
+        left = spec.laws.get(name, {}).keys() - values.keys()
+        said = (f"{spec.id} with own numbers" if left else "own numbers") if values else spec.id
+        return law, f"{said} by {name}"
 
 
 NODES = {

@@ -146,6 +146,9 @@ def saturated(record: Recording, converters: Mapping[str, Mapping[str, float]]) 
 LONGEST_GAP = 1.5  # samples; further apart are samples between which something was left out
 
 
+BLOCK = 4096  # samples from which on chunks are joined
+
+
 class Chunks:
     """Samples kept in memory, chunk by chunk, of channels whose unit, kind and meaning are known; some may lack in a chunk.
 
@@ -159,6 +162,7 @@ class Chunks:
         self.period, self.kinds = float(period), dict(kinds)
         self._times: list[np.ndarray] = []
         self._arrays: list[dict[str, np.ndarray]] = []
+        self._joined = self._loose = 0  # chunks that were joined, and samples of those behind them
 
     def __len__(self) -> int:
         """Number of samples kept so far."""
@@ -200,6 +204,21 @@ class Chunks:
             raise InputError("times", None, f"must be finite and rise from chunk to chunk, got {t[0]:.6g} s")
         self._times.append(t)
         self._arrays.append(chosen)
+        self._loose += len(t)
+        if self._loose >= BLOCK:
+            self._join()
+
+    def _join(self) -> None:
+        """Join the chunks that came since the last time into one: many of few samples take several times their size."""
+        times, arrays = self._times[self._joined :], self._arrays[self._joined :]
+        names = dict.fromkeys(name for chunk in arrays for name in chunk)
+        pairs = list(zip(times, arrays, strict=True))
+        joined = {
+            name: np.concatenate([chunk[name] if name in chunk else np.full(t.shape, np.nan) for t, chunk in pairs])
+            for name in names
+        }
+        self._times[self._joined :], self._arrays[self._joined :] = [np.concatenate(times)], [joined]
+        self._joined, self._loose = self._joined + 1, 0
 
     def recording(self, meta: Mapping[str, JsonValue] | None = None) -> Recording:
         """Return the samples kept so far; a channel is NaN if a chunk did not have it.

@@ -439,6 +439,11 @@ class ProtocolPlan:
         """Longest time that it may take [s]."""
         return self.samples / self.sample_rate
 
+    @property
+    def may_end_early(self) -> bool:
+        """Whether a test may end a step, and so the whole, before that time."""
+        return any(step.until is not None for step in self.steps)
+
 
 def expand(protocol: Protocol, *, rest_length: float, start_span: float | None = None) -> ProtocolPlan:
     """The flat plan.

@@ -34,7 +34,7 @@ LOOK = 0.05  # time between two looks at whether it was stopped [s]
 OFTEN = 0.25  # time between two words on how far it is [s]
 LATER = 10  # how much less pressing it is than the bench, see `os.nice`
 BLOCK = 2**20  # [B]
-MMAP_THRESHOLD = -3  # the number by which `mallopt` knows it
+MMAP_THRESHOLD, ARENA_MAX = -3, -8  # the numbers by which `mallopt` knows them
 STOPPED = "Reading was stopped."
 _one = threading.Lock()
 
@@ -126,13 +126,15 @@ class ReaderProcess:
             line.close()
 
 
-def return_large_blocks() -> None:
-    """Make glibc return freed large arrays to the system at once.
+def bound_freed_memory() -> None:
+    """Make glibc return freed large arrays to the system at once, and keep small ones in one place for all threads.
 
-    Otherwise it keeps blocks of up to 32 MB for later as soon as one such block was freed.
+    Otherwise it keeps blocks of up to 32 MB for later as soon as one such block was freed, and memory of its own for every
+    thread: each run has new threads, so that a server would grow with each of them.
     """
     with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, ctypes.c_int(BLOCK))
+        for option, value in ((MMAP_THRESHOLD, BLOCK), (ARENA_MAX, 1)):
+            ctypes.CDLL(None).mallopt(option, ctypes.c_int(value))
 
 
 def read_outside(function: Callable[..., T], path: Path, *arguments: object) -> T:

@@ -39,7 +39,7 @@ from .guard import (
     reserve_descriptors,
 )
 from .live import Lines, stop_at_once
-from .reader import return_large_blocks
+from .reader import bound_freed_memory
 from .shelf import LARGEST, check_size, plain_name
 from .transfers import receive_file
 from .widgets import HOME, PAGES, Page, document, page_frame, piece, refused, written
@@ -278,7 +278,7 @@ def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, t
     """
     import uvicorn
 
-    return_large_blocks()
+    bound_freed_memory()
     sys.setswitchinterval(SWITCH)
     connections = Connections(reserve_descriptors())
     port = line.getsockname()[1]

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from importlib import resources
 from typing import TYPE_CHECKING, NamedTuple
 
+from ..nomenclature import GLOSSARY
 from ..report.figures.colours import style_sheet
 from .elements import Element, PageDocument, call_script, page_document
 
@@ -36,7 +37,7 @@ PAGES = (
     Page("/paper", "The paper", "paper", "P", "papers"), Page("/recordings", "Recordings", "recordings", "R"),
 )  # fmt: skip
 SHEETS = ("tokens.css", "uplot/uPlot.min.css", "lab.css")
-SCRIPTS = ("js/lab.js", "js/charts.js")
+SCRIPTS = ("js/lab.js", "js/charts.js", "js/glossary.js")
 HOME = "/static/lab"  # of the sheets and scripts; their modules name each other by relative paths
 
 
@@ -70,6 +71,11 @@ def document(
     ]
     head = piece("head.html").replace("{tabs}", "".join(tabs)).replace("{names}", ", ".join(p.name for p in PAGES))
     head = head.replace("{keys}", " ".join(f"<kbd>{p.key}</kbd>" for p in PAGES))
+    words = (
+        f"<div><dt>{w}</dt><dd>{html.escape(e.sentence)} <i>docs/{e.page}.md</i></dd></div>"
+        for w, e in GLOSSARY.items()
+    )
+    head = head.replace("{words}", "".join(words))
     body = f'data-document="{key}"' if key else 'class="raw"'
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{page.name} \u00b7 {TITLE}</title>'
@@ -196,13 +202,11 @@ def select(
     return one
 
 
-def check(words: str, on: bool, change: Callable[[bool], object], more: str = "") -> Element:
-    """Build a check box with a label, and more at the end of the line."""
+def check(words: str, on: bool, change: Callable[[bool], object]) -> Element:
+    """Build a check box with a label."""
     with box("label", "row") as one:
         box("input").set(type="checkbox", checked=on).on_value("change", lambda value: change(bool(value)))
         text("span", words)
-        if more:
-            text("span", more, "faint grow num")
     return one
 
 

@@ -10,18 +10,22 @@ whatever runs runs on; after `HOLD` [s] the next page that asks gets the control
 from __future__ import annotations
 
 import json
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..documents import JsonValue
 from ..errors import InputError, MckibbenError
 from ..formats.registry import readable
 from .shelf import Shelf
 from .stream import Stream
+
+if TYPE_CHECKING:
+    from ..specimens import Specimen
 
 HOLD = 5.0  # time for which the controls wait for a page that vanished [s]
 AFTER = 1.0  # until then what was held by hand is vented, before a page that did not ask is in control [s]
@@ -143,6 +147,7 @@ class Toast:
     commit: Callable[[], Any] | None  # makes it final when its time has run out
     left: float  # time that is left while nobody looks at it closely [s]
     since: float | None  # when that began to run [s]; None while it waits
+    made: float  # when it was told [s]
 
 
 class Toasts:
@@ -163,16 +168,23 @@ class Toasts:
         """Add a notice; return its number."""
         with self._lock:
             self._count += 1
-            self._kept[self._count] = Toast(self._count, text, undo, commit, lasts, self._clock())
+            now = self._clock()
+            self._kept[self._count] = Toast(self._count, text, undo, commit, lasts, now, now)
             self.version += 1
             return self._count
+
+    @property
+    def newest(self) -> float:
+        """When the newest action that can be undone was told [s]."""
+        with self._lock:
+            return max((t.made for t in self._kept.values() if t.undo is not None), default=-math.inf)
 
     def undo(self, number: int | None = None) -> str:
         """Undo the newest action, or a given one; return its description."""
         with self._lock:
             can = [n for n, t in self._kept.items() if t.undo is not None and (number is None or n == number)]
             if not can:
-                raise InputError("undo", None, f"comes too late: what was done can be undone for {LASTS:g} s")
+                raise InputError("undo", None, f"finds nothing: an action can be undone for {LASTS:g} s")
             toast = self._kept.pop(can[-1])
             self.version += 1
         assert toast.undo is not None
@@ -259,6 +271,16 @@ class PageMachine(Protocol):
     def emergency_stop(self, reason: str) -> None:
         """Vent at once."""
 
+    @property
+    def changed_at(self) -> float:
+        """When the newest change that can be undone was made [s]; minus infinity without one."""
+
+    def undo(self) -> str:
+        """Undo the newest change of what is to run; return its description."""
+
+    def refusal(self, spec: Specimen) -> str:
+        """Why what is to run cannot run with another muscle; empty where it can."""
+
     def shown(self, epoch: int, samples: int) -> None:
         """Note how many samples the page in control has drawn."""
 
@@ -302,7 +324,7 @@ class Workspace:
             ),
             "give_control": self._give,
             "keep_control": self._keep,
-            "undo": lambda page, number=None: f"undone: {self.toasts.undo(number)}",
+            "undo": self._undo,
             "toast": self._toast,
         }
 
@@ -418,6 +440,12 @@ class Workspace:
     def _emergency_stop(self, page: str, reason: str = "") -> str:
         self.machine.emergency_stop(str(reason)[:80] or "from the web interface")
         return "vented"
+
+    def _undo(self, page: str, number: int | None = None, bench: bool = False) -> str:
+        """Undo an action by its number, or the newest: the page Bench asks for its own changes, too."""
+        if bench and number is None and self.control.holds(page) and self.machine.changed_at > self.toasts.newest:
+            return f"undone: {self.machine.undo()}"
+        return f"undone: {self.toasts.undo(number)}"
 
     def _give(self, page: str) -> str:
         if not self.control.give(page):

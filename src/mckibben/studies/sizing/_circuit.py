@@ -232,7 +232,7 @@ def _together(lanes: Sequence[Lane], prepared: Sequence[tuple[Any, float]]) -> l
     steps = max(1, int(np.ceil(max(RESERVE * n for _, n in prepared))))
     while True:
         steps = min(steps, MOST_STEPS)
-        out = jax.tree.map(np.asarray, _marched(stacked, steps))
+        out = jax.tree.map(np.asarray, _marched(stacked, np.int64(steps)))
         h = np.asarray(stacked[2]) / steps
         needed = np.max(out["rate"], axis=1) * h / RK4_LIMIT
         # Beyond the limit by a little is still stable in practice: the bound is an upper one.

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -95,6 +95,19 @@ MOST_OWN = 6  # specimens of the user's, the newest ones, that are offered
 MARGIN = 0.08  # of the rest length, beside the lengths that a muscle reaches
 
 
+class BenchChoice(NamedTuple):
+    """What is selected: muscle, rig and protocol.
+
+    Attributes:
+        edits: words of the numbers of a saved protocol that were changed, by name; None where its text was.
+    """
+
+    spec: Specimen
+    rig: Rig
+    protocol: Protocol
+    edits: dict[str, str] | None
+
+
 class BenchSelection:
     """The selected muscle, rig and protocol of a bench.
 
@@ -121,6 +134,7 @@ class BenchSelection:
         self.spec = self._muscle(muscle)
         self.rig = self._first = rig_of(rig) if isinstance(rig, str) else rig
         self.protocol: Protocol = shipped(FIRST)
+        self.edits: dict[str, str] | None = {}  # see `BenchChoice`
         self.dry: DryRun | None = None
         self.parts: dict[str, Any] = {}
         self.told: Callable[[DryRun], None] = lambda dry: None
@@ -128,6 +142,18 @@ class BenchSelection:
     def begin(self) -> None:
         """Make the first dry run."""
         self._renew(setup=True)
+
+    @property
+    def choice(self) -> BenchChoice:
+        """What is selected."""
+        return BenchChoice(self.spec, self.rig, self.protocol, self.edits)
+
+    def restore(self, choice: BenchChoice) -> str:
+        """Select what was selected before."""
+        setup = choice[:2] != self.choice[:2]
+        self.spec, self.rig, self.protocol, self.edits = choice
+        self._renew(setup=setup)
+        return f"{self.words()}, protocol {self.protocol.name}"
 
     def muscle(self, name: str) -> str:
         """Select a muscle."""
@@ -193,24 +219,28 @@ class BenchSelection:
                 known = [*protocol_names(), *(n.removesuffix(".toml") for n in self.own.names())]
                 raise InputError("protocol", str(name)[:80], known=known) from None
             self.protocol = parse_protocol(path.read_text(encoding="utf-8"), where=mine)
+        self.edits = {}
         self._renew()
         return f"{self.protocol.name}: {self.protocol.title}"
 
     def value(self, name: str, words: str) -> str:
         """Change a parameter or choice of the protocol."""
-        self._take(changed(self.protocol, str(name), str(words)[:2000]))
+        words = str(words)[:2000]
+        self._take(
+            changed(self.protocol, str(name), words), None if self.edits is None else self.edits | {str(name): words}
+        )
         return ""
 
     def text(self, text: str) -> str:
         """Replace the protocol by the text of a file."""
         if len(text) > LONGEST:
             raise InputError("text", None, f"must be at most {LONGEST} characters, got {len(text)}")
-        self._take(parse_protocol(str(text), where="text"))
+        self._take(parse_protocol(str(text), where="text"), None)
         return f"{self.protocol.name}: {self.protocol.title}"
 
-    def _take(self, protocol: Protocol) -> None:
+    def _take(self, protocol: Protocol, edits: dict[str, str] | None) -> None:
         check_lengths(protocol, self._limits(), rest_length_of(self.spec))
-        self.protocol = protocol
+        self.protocol, self.edits = protocol, edits
         self._renew()
 
     def _limits(self) -> Limits:
@@ -234,6 +264,14 @@ class BenchSelection:
             raise InputError("start", None, f"needs a dry run that passes: {dry.plain['findings'][0]['sentence']}")
         return dry.prepared
 
+    def refusal(self, spec: Specimen) -> str:
+        """Return why the protocol cannot run with another muscle on this rig; empty where its dry run passes."""
+        try:
+            dry = dry_run(self.protocol, spec, rig_unit(spec), self.rig, on_machine=bool(self.machine))
+        except MckibbenError as error:
+            return str(error)
+        return "" if dry.passed else str(dry.plain["findings"][0]["sentence"])
+
     def again(self) -> str:
         """Repeat the dry run."""
         self._renew()
@@ -253,7 +291,10 @@ class BenchSelection:
             changes = {"setup": self._setup()} if setup else {}
             known = [{"name": n, "title": shipped(n).title} for n in protocol_names()]
             known += [{"name": n.removesuffix(".toml"), "title": n.removesuffix(".toml")} for n in self.own.names()]
-            changes |= {"protocol": {**faces(self.protocol), "known": known}, "dry": {"pending": True}}
+            changes |= {
+                "protocol": {**faces(self.protocol), "known": known, "edits": self.edits},
+                "dry": {"pending": True},
+            }
             self.parts = {**self.parts, **changes}
             number = self._number
         self._pool.submit(self._make, number, setup)

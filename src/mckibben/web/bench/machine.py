@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import math
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +27,7 @@ from ...recordings.recording import Recording
 from ..shelf import plain
 from ..stream import Columns, Stream, of_cycle
 from ..widgets import sentence
-from .chosen import BenchSelection
+from .chosen import BenchChoice, BenchSelection
 from .manual import HardwareSpec, ManualView
 
 if TYPE_CHECKING:
@@ -34,6 +37,9 @@ if TYPE_CHECKING:
     from ..workspace import Workspace
 
 PACES = {"simulated": None, "real": 1.0, "slow": 0.1}  # over the wall clock; None: as fast as it goes
+MEASURED = 1.0  # over which the pace of a run is measured, by the wall clock [s]
+SLOWER = 0.9  # of the chosen pace, below which the pages say how fast it goes
+UNDONE = 50  # changes of the choice that can be undone
 GRAIN = 0.004  # a machine that is ahead sleeps at least so long [s], so that pages get their share of the processor
 KEPT = 2.0  # time for which a session keeps samples for the pages [s]
 LAST = 10.0  # time for which the end of a server waits for a run to vent [s]
@@ -54,6 +60,7 @@ class Bench:
         self.running: RunController | None = None
         self.vented = False  # by the emergency stop of a page, until the machine is reset
         self.ended: dict[str, Any] = {}  # of the last run
+        self._before: list[tuple[float, BenchChoice]] = []  # each change, when and with what was chosen before it
         self._closing: list[threading.Thread] = []
         self._open()
         self.console = PageConsole(self)
@@ -84,6 +91,7 @@ class Bench:
         }  # fmt: skip
         if run is not None:
             return status | run.status()
+        status["at"] = view.at()
         if status["why"]:
             small = "not connected" if session.gone and not session.ready else short(status["why"])
             return status | {"shape": "tripped", "name": "Tripped", "small": small}
@@ -124,13 +132,37 @@ class Bench:
 
     def _change(self, do: Callable[..., str], *words: Any) -> str:
         self._require_no_run("change of the protocol")
-        return do(*words)
+        before = self.chosen.choice
+        said = do(*words)
+        if self.chosen.choice != before:
+            self._before = [*self._before[1 - UNDONE :], (time.monotonic(), before)]
+        return said
+
+    def refusal(self, spec: Specimen) -> str:
+        """Return why the selected protocol cannot run with another muscle; empty where it can."""
+        return self.chosen.refusal(spec)
+
+    @property
+    def changed_at(self) -> float:
+        """When the newest change that can be undone was made, by the clock of `time.monotonic` [s]."""
+        return self._before[-1][0] if self._before else -math.inf
+
+    def undo(self) -> str:
+        """Choose what was chosen before the newest change of muscle, rig or protocol; the way back is no change."""
+        if not self._before:
+            raise InputError("undo", None, "finds nothing: no muscle, rig or protocol was chosen or changed")
+        earlier, choice = self._before[:-1], self._before[-1][1]
+        back = functools.partial(self.chosen.restore, choice)
+        same = choice.spec is self.chosen.spec and choice.rig is self.chosen.rig
+        said = self._change(back) if same else self._set_up(lambda _: back(), "")
+        self._before = earlier
+        return said
 
     def _set_up(self, do: Callable[..., str], name: str) -> str:
         self._require_no_run("change of muscle or rig")
         if self.view.moving:
             raise InputError("muscle and rig", None, "must wait: the machine is operated by hand; vent first")
-        said = do(str(name))
+        said = self._change(do, str(name))
         self.messages.say(f"{self.chosen.words()}.")
         self._open_again()
         return said
@@ -188,13 +220,12 @@ class Bench:
         return self.running
 
     def _operated(self, action: str, wanted: Iterable[str]) -> MachineSession:
-        """Return the session, if it may be operated by hand; pages see its samples from now on."""
+        """Return the session, if it may be operated by hand."""
         if self.running is not None:
             names = " and ".join(wanted) or "set-points"
             raise InputError(action, None, f"must wait: the running protocol sets the {names}; stop it first")
         self._require_idle(action)
         self._require_ready()
-        self.view.show()
         return self.session
 
     def _require_ready(self) -> None:
@@ -212,9 +243,12 @@ class Bench:
                 self.view.hold(True)
             else:  # it is shown from now on, also on the way to where the protocol begins
                 self._operated("start", ())
+                self.view.show()
             self.ended = {}
             self.clock.begin()
             self.running = RunController(self, prepared)
+            if self.spec is None:  # from now on pages show this run, of which there is no sample yet
+                self.running.announce()
             self.messages.say("Started. Protocol, muscle and rig are saved with the recording.", 0.0, "done")
             for caution in prepared.cautions:
                 self.messages.say(caution, 0.0, "caution")
@@ -279,7 +313,8 @@ class Bench:
         """Change set-points: ``pressure``, and one of ``length``, ``velocity`` and ``tension``; as text or SI."""
         amounts = {("span" if n == "length" else n): v if isinstance(v, str) else float(v) for n, v in wanted.items()}
         was_moving = self.view.moving
-        self._operated("set", wanted).set(**amounts)
+        self._operated("set", wanted).set(**amounts)  # what is refused moves nothing, nor what pages show
+        self.view.show()
         if not was_moving:
             self.ended = {}
         return ""
@@ -290,6 +325,7 @@ class Bench:
             self._require_ready()
             return "vented"
         self._operated("vent", ["pressure"]).vent()
+        self.view.show()
         return "venting"
 
     def note(self, text: str) -> str:
@@ -525,6 +561,10 @@ class RunController:
         self.measured: list[dict[str, Any]] = []
         self._columns, self._count = Columns(prepared.rig), 0
         self._every = max(1, round(prepared.plan.sample_rate / SHOWN))
+        self.at_most = prepared.plan.may_end_early
+        self._paced: tuple[float, float, Any] | None = None  # since when its pace is measured: wall, run [s], the pace
+        self._speed: float | None = None  # time of the run over that of the wall, lately
+        self._told_slow = False
         self.thread = threading.Thread(target=self._play, name="run", daemon=True)
 
     def stop(self, reason: str, *, trip: bool) -> None:
@@ -581,7 +621,7 @@ class RunController:
         """Save the recording and say so; return the name of its file, if there is one, and how the run ended."""
         shelf, message = self.bench.workspace.recordings, str(record.meta["message"])
         if self.stopping:
-            message = f"Stopped by you at {self.time:.3f} s; the valve vented."
+            message = f"Stopped by you at {self.when:.3f} s; the valve vented."
         try:
             shelf.ready()
             name = self.file if self._crash_log else shelf.free(self.file)
@@ -601,12 +641,17 @@ class RunController:
         return name, message
 
     def _say(self, text: str, kind: str = "note") -> None:
-        self.bench.messages.say(text, self.time, kind)
+        self.bench.messages.say(text, self.when, kind)
+
+    def announce(self) -> None:
+        """Show pages the samples of this run from now on."""
+        self.bench.stream.begin("run", self.prepared.protocol.name, self._every / self.prepared.plan.sample_rate)
 
     def _begun(self, state: RunState) -> None:
         self.state = state
         self.bench.view.hold(True)
-        self.bench.stream.begin("run", self.prepared.protocol.name, self._every / self.prepared.plan.sample_rate)
+        if not self.new_machine:
+            self.announce()
 
     def _ask(self, text: str) -> None:
         self.asked = text
@@ -624,7 +669,26 @@ class RunController:
         columns = {n: v[first :: self._every] for n, v in self._columns.of(arrays).items()}
         if len(next(iter(columns.values()))):
             self.bench.stream.add(columns)
+        self._measure_pace()
         self._follow()
+
+    def _measure_pace(self) -> None:
+        """Measure how fast the run goes, from the last pause or choice of a pace on, over some time of the wall."""
+        now, pace = time.monotonic(), self.bench.pace
+        if self.bench.clock.halted or self._paced is None or self._paced[2] != pace:
+            self._paced, self._speed = (now, self.time, pace), None
+        elif now - self._paced[0] >= MEASURED:
+            self._speed = (self.time - self._paced[1]) / (now - self._paced[0])
+            self._paced = now, self.time, pace
+            if self.slow and not self._told_slow:
+                self._told_slow = True
+                self._say(f"The run goes at {self.slow}: it is not computed or shown faster.", "caution")
+
+    @property
+    def slow(self) -> str:
+        """The pace at which a run goes that does not keep up with the chosen one; empty where it does."""
+        wanted, speed = PACES[self.bench.pace] if self.new_machine else None, self._speed
+        return "" if wanted is None or speed is None or speed >= SLOWER * wanted else f"{speed:.2g} of real time"
 
     def _follow(self) -> None:
         """Announce the present cycle and measure the last one; after a stop no cycle begins."""
@@ -651,7 +715,7 @@ class RunController:
         """Return state, reason and times for the pages."""
         step, why, tripped = self.state.steps[-1] if self.state.steps else None, self.bench.session.why, self.tripped
         paused = self.bench.clock.halted or bool(self.asked)
-        shape, name, small = "running", "Running", f"{self.words} \u00b7 {PACE_NAMES[self.bench.pace]}"
+        shape, name, small = "running", "Running", f"{self.words} \u00b7 {self.slow or PACE_NAMES[self.bench.pace]}"
         if tripped or (self.button() and not self.stopping):
             shape, name, small = "tripped", "Tripped", short(tripped or why or "emergency stop")
         elif paused:
@@ -660,7 +724,7 @@ class RunController:
         return {
             "shape": shape, "name": name, "small": small, "moving": True, "running": True, "paused": paused,
             "time": self.time, "asked": self.asked, "why": why or tripped, "trip": self.when if tripped else None,
-            "words": self.words, "cycle": self.cycle, "duration": self.prepared.plan.duration,
+            "words": self.words, "cycle": self.cycle, "duration": self.prepared.plan.duration, "at_most": self.at_most,
             "title": self.prepared.protocol.title, "steps": self.steps(), "measured": self.measured,
             "path": "" if step is None else step["path"], "file": self.file,
         }  # fmt: skip
@@ -670,7 +734,7 @@ class RunController:
         return {
             **said, "time": self.time, "title": self.prepared.protocol.title, "stopped": bool(why), "why": why,
             "by": self.cause, "trip": self.when if why else None, "steps": self.steps(),
-            "duration": self.prepared.plan.duration, "measured": self.measured,
+            "duration": self.prepared.plan.duration, "at_most": self.at_most, "measured": self.measured,
         }  # fmt: skip
 
     def steps(self) -> list[dict[str, JsonValue]]:

@@ -6,6 +6,8 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from ...bench.session import MachineSession
 from ...bench.session.session import VENTED
 from ..stream import Columns, Stream
@@ -52,6 +54,12 @@ class ManualView:
             self.stream.begin("hand", "by hand", period, round(self.time / period) + 1)
             self.moving = True
         self._news()
+
+    def at(self) -> dict[str, float]:
+        """Return the newest sample of the machine by hand, named as `stream.CHANNELS` [SI]; empty until it is ready."""
+        newest = self.session.latest() if self.session.ready else {}
+        columns = self._columns.of({name: [value] for name, value in newest.items()})
+        return {name: float(values[0]) for name, values in columns.items() if np.isfinite(values[0])}
 
     def hold(self, held: bool) -> None:
         """Hide the samples during a run; afterwards a real machine that it left under pressure is shown again."""

@@ -12,6 +12,8 @@ import numpy as np
 from ...assembly.muscle_unit import MuscleUnit
 from ...bench.prepare import PreparedRun, expected, prepare
 from ...bench.rig import Rig
+from ...bench.rig_file import rig as rig_of
+from ...bench.rig_file import rig_names
 from ...bench.session.interface import prepare_for_session
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
@@ -200,6 +202,7 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
         "findings": findings,
         "cautions": list(bench.cautions),
         "duration": bench.plan.duration,
+        "at_most": bench.plan.may_end_early,
         "plumbing": bench.layout,
         "rest_length": bench.plan.rest_length,
         "lane": lane(bench),
@@ -218,7 +221,16 @@ def dry_run(protocol: Protocol, spec: Specimen, unit: MuscleUnit, rig: Rig, *, o
     plain["limits"] = rows
     plain["curves"] = {n: plain_numbers(v if n == "time" else np.where(far, np.nan, v), 6) for n, v in curves.items()}
     plain["cure"] = _cure(bench) if findings else None
+    lacking = [f for f in bench.findings if f.field == "needs"]
+    plain["rigs"] = [] if on_machine or not lacking else _rigs_with({str(f.value) for f in lacking})
     return DryRun(bench, plain)
+
+
+def _rigs_with(needs: set[str]) -> list[dict[str, JsonValue]]:
+    """List the shipped rigs that have some parts, with their titles."""
+    rigs = [rig_of(name) for name in rig_names()]
+    having = [one for one in rigs if any(needs <= one.limits(layout).has for layout in one.plumbing)]
+    return [{"name": one.name, "title": one.title} for one in having]
 
 
 def lane(bench: PreparedRun) -> list[dict[str, JsonValue]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ....documents import parse_toml
 from ....errors import InputError, MckibbenError
 from ....pneumatics.circuit import RunBalance
+from ....quantities import parse, with_unit
 from ....report.figures import circuit_diagram
 from ... import charts
 from ...charts import saveable
@@ -228,7 +229,8 @@ class CircuitPage:
             return  # what somebody types there stays
         self.heads = shown
         self.inputs.clear()
-        names = {"up": f"0 to {full}", "down": f"{full} to 0", "waveform": "Waveform"}
+        high = with_unit(parse(full, "Pa", field="pressure"), "Pa")
+        names = {"up": f"0 to {high}", "down": f"{high} to 0", "waveform": "Waveform"}
 
         def pressed(value: str, words: str, on: bool, do: Callable[[str], None]) -> None:
             one = text("button", words).set(type="button", aria_pressed="true" if on else "false")

@@ -348,12 +348,21 @@ def _steps(low: Any, high: Any) -> Document:
     return {"kind": "steps", "times": ["0 s", "20 ms"], "values": [low, high]}
 
 
+def is_pressure(words: str) -> bool:
+    """Whether the words are a pressure with its unit."""
+    try:
+        parse(words, "Pa", field="value")
+    except InputError:
+        return False
+    return True
+
+
 def top(document: Document, plan: CircuitPlan) -> str:
     """Upper gauge pressure of a step, as text."""
     for words in document.get("signals", {}).values():
-        values = [v for v in words.get("values", []) if isinstance(v, str) and "bar" in v]
-        if words.get("kind") == "steps" and values:
-            return max(values, key=lambda v: float(v.split()[0]))
+        values = [v for v in words.get("values", []) if isinstance(v, str)]
+        if words.get("kind") == "steps" and values and is_pressure(values[0]):
+            return max(values, key=lambda v: parse(v, "Pa", field="values"))
     supplies = [n for n in document["nodes"].values() if n["kind"] == "reservoir" and "pressure" in n]
     driven = any(s.unit == "Pa" for s in plan.signals.values())
     return TOP if driven or not supplies else str(supplies[0]["pressure"])
@@ -398,11 +407,15 @@ ENDS = ("kind", "from", "to", "supply", "outlet", "exhaust", "command")
 
 
 def muscle_of(plan: CircuitPlan) -> str:
-    """Specimen of the circuit's muscle."""
-    specimens = [str(words["specimen"]) for words in plan.document["nodes"].values() if words["kind"] == "muscle"]
-    if len(specimens) != 1:
-        raise InputError("nodes", None, f"must have one muscle for the bench, got {len(specimens)}")
-    return specimens[0]
+    """Specimen of the circuit's muscle, which has to be all that the circuit says of it."""
+    muscles = {name: words for name, words in plan.document["nodes"].items() if words["kind"] == "muscle"}
+    if len(muscles) != 1:
+        raise InputError("nodes", None, f"must have one muscle for the bench, got {len(muscles)}")
+    ((name, words),) = muscles.items()
+    if words.get("parameters"):
+        why = "have no place on the bench, which takes a specimen; a sized muscle is taken there by the page Size"
+        raise InputError(f"nodes.{name}.parameters", None, why)
+    return str(words["specimen"])
 
 
 def rig_text(plan: CircuitPlan, name: str) -> str:

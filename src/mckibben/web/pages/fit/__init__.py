@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....errors import InputError, MckibbenError
 from ....identification import Fit
-from ....identification.ranking import Ranking
+from ....identification.ranking import Ranking, law_title
 from ....muscles.build import rest_length_of
 from ....muscles.laws import LAWS, law_type
 from ....recordings import ForceMap
@@ -64,6 +64,9 @@ def build(workspace: Workspace, request: Request) -> None:
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
 
+ROW = 34  # least height of a row of the ranking [px]
+
+
 class FitPage:
     """The Fit page of one visitor."""
 
@@ -73,6 +76,7 @@ class FitPage:
         self.law = words.get("law", "")
         self.points: ForceMap | None = None
         self._places: dict[str, Element] = {}
+        self._counts: dict[str, Element] = {}  # of the parameters of each law
         self._seen, self._drawn, self._loading = -1, "", 0
         self.shown = LawPictures(self._places, words.get("view", ""))
 
@@ -92,8 +96,8 @@ class FitPage:
                     self._words = drop.words.classed("small").classed("dim")
                     with drop.about:
                         self._name = text("b", "")
-                    self._place("mapping", "stack")
-                    self._place("given", "stack")
+                    self._place("mapping", "stack mapping" if self.asked else "stack")
+                    self._place("given", "stack given-room" if self.asked else "stack")
                 with panel("Laws", step=2) as head:
                     with head:
                         button("All", lambda: self._all(), small=True, quiet=True)
@@ -127,7 +131,7 @@ class FitPage:
         document.on_close(self.work.end)
 
     def _place(self, name: str, classes: str = "") -> None:
-        self._places[name] = box("div", classes)
+        self._places[name] = box("div", classes or name)  # its name gives it the room that it will take
 
     async def _begin(self) -> None:
         self._show_laws()
@@ -258,11 +262,15 @@ class FitPage:
         with place:
             for law in LAWS:
                 kind, change = law_type(law), functools.partial(self._tick, law)
-                check(str(kind.title), law in self.laws, change, f"{len(kind.fitted)} parameters").classed("law")
+                with check(str(kind.title), law in self.laws, change).classed("law"):
+                    self._counts[law] = text("span", f"{len(kind.fitted)} parameters", "faint grow num")
 
     def _fit(self) -> None:
         if self.asked is None or self.points is None:
             return
+        self._places["ranking"].style(
+            min_height=f"{ROW * (len(self.laws) + 2)}px"
+        )  # so that nothing moves when it comes
         try:
             self.work.start(self.asked, self.points, self.laws)
         except MckibbenError as error:
@@ -291,6 +299,8 @@ class FitPage:
         study = await asyncio.to_thread(self.work.study, asked, points, list(self.laws))
         if self.asked is not asked or self.points is not points:
             return  # something else was asked for meanwhile
+        for one in study.fits:  # as many as the ranking says: what the table states of the muscle is not fitted
+            self._counts[one.law].say(f"{len(one.parameters)} parameters")
         place = self._places["ranking"]
         if not study.fits:
             place.clear()
@@ -494,10 +504,23 @@ async def _bench(view: FitPage) -> None:
     study = _study(view)
     if study is None:
         return
-    shown = [f for f in study.fits if f.law == view.law] or study.fits[:1]
-    first = replace(study, fits=[*shown, *(f for f in study.fits if f.law != shown[0].law)])
+    shown = next((f for f in study.fits if f.law == view.law), study.fits[0])
+
+    def led_by(one: Fit) -> Ranking:
+        return replace(study, fits=[one, *(f for f in study.fits if f is not one)])
+
+    def refusal(one: Fit) -> str:
+        return view.workspace.machine.refusal(led_by(one).to_specimen()) if one.converged else "it did not converge"
 
     def store() -> Path:
+        if why := refusal(shown):
+            others = (f for f in study.fits if f is not shown)
+            able = next((f for f in others if not refusal(f)), None)
+            if able is not None:  # else the bench says itself what is in the way
+                said = f"{law_title(shown)} cannot run the protocol that is on the bench ({why.rstrip('.')})"
+                sentence = f"{said}. The best law that can is {law_title(able)}: choose it in the ranking"
+                raise InputError("law", shown.law, sentence=sentence)
+        first = led_by(shown)
         path = view.workspace.specimens.store_once(*_written(first))
         rest_length_of(specimen(path))  # refused here, and not by the bench
         return path

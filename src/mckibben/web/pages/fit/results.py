@@ -69,8 +69,15 @@ def _row(row: Mapping[str, Any], widest: float, held: bool, chosen: str, pick: C
         text("td", number("left_out_rmse"), "num")
         if held:
             text("td", number("above_share"), "num")
-        beyond = number("distance")
-        text("td", "0" if row.get("distance") == 0.0 else beyond if beyond == "\u2013" else f"+{beyond}", "num")
+        text("td", beyond_best(row.get("distance")), "num")
+
+
+def beyond_best(distance: float | None) -> str:
+    """Distance of a criterion from the least of the converged fits, which one that did not converge may be below."""
+    words = COLUMNS["distance"].text(distance)
+    if words == "-" or not distance:
+        return "\u2013" if words == "-" else "0"
+    return words.replace("-", "\u2212") if distance < 0.0 else f"+{words}"
 
 
 def parameters(fit: Fit) -> None:

@@ -484,10 +484,7 @@ class OverlayPane:
         with self._charts:
             for one in drawn:
                 if isinstance(one, Chart):
-                    timed = box("div", "timed" if one.x.label.startswith("time") else "")
-                    if one.x.low is not None and one.x.high is not None:
-                        timed.set(data_low=repr(one.x.low), data_high=repr(one.x.high))
-                    with timed:
+                    with box("div", "timed" if one.x.label.startswith("time") else ""):
                         one.show()
                 else:
                     empty(one)

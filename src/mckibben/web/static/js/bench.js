@@ -1,5 +1,5 @@
 // The page Bench: the machine, its waveforms, its numbers, and everything that is done to it.
-import { Buffer } from './buffer.js'
+import { Buffer, NAMES } from './buffer.js'
 import './edit.js'
 import { act, emergency, events, key, lab, link, rate, shape, tell } from './lab.js'
 import { LoopPlot } from './loop.js'
@@ -32,15 +32,17 @@ function choose () {
 }
 function now () {
   const found = {}
-  if (mode !== 'dry' && buffer.n) for (const n of Object.keys(Q)) found[n] = buffer.latest(n)
-  else if (buffer.n) for (const n of Object.keys(Q)) found[n] = buffer.latest(n)
-  else { const m = muscle(); Object.assign(found, { pressure: 0, tension: 0, length: m ? m.rest_length * 100 : 0, flow: 0, valve: 0 }) }
-  found.set_pressure = buffer.n ? buffer.latest('set_pressure') : NaN
-  found.set_length = buffer.n ? buffer.latest('set_length') : NaN
+  if (mode !== 'dry' && buffer.n) for (const n of NAMES) found[n] = buffer.latest(n)
+  else { // of the machine as it stands, not of what was sampled before; a run that has no sample yet begins as its dry run does
+    const m = muscle(); const at = status().at ?? {}
+    Object.assign(found, { pressure: 0, tension: 0, length: m ? m.rest_length * 100 : 0, flow: 0, valve: 0, set_pressure: NaN, set_length: NaN })
+    for (const n of NAMES) if (Number.isFinite(at[n])) found[n] = at[n] * (factors[n.replace('set_', '')] ?? 1)
+    if (status().running) for (const n of Object.keys(Q)) if (Number.isFinite(dry?.[n]?.[0])) found[n] = dry[n][0]
+  }
   if (mode === 'live' && Number.isFinite(strips.cursor) && strips.cursor !== null && status().paused) found.at = strips.cursor
   return found
 }
-events.addEventListener('epoch', () => { seen = { high: {}, low: {} } })
+events.addEventListener('epoch', () => { strips.dirty = loop.dirty = true; seen = { high: {}, low: {} } })
 events.addEventListener('frame', e => {
   const f = e.detail; const period = epochOf().epoch === f.epoch ? epochOf().period : 1e-3
   if (f.server !== buffer.server || f.epoch !== buffer.epoch) { strips.ranges = {}; fresh = true; begun = f.first * period }
@@ -86,7 +88,7 @@ function expected (part) {
 }
 
 // ---------------------------------------------------------------- every frame
-let last = 0; let slow = 0
+let last = 0; let slow = 0; let drawnOnce = false
 function frame (t) {
   requestAnimationFrame(frame)
   const dt = Math.min(0.1, (t - last) / 1000); last = t
@@ -101,6 +103,7 @@ function frame (t) {
     if (Math.abs(gap) > 1e-6) strips.dirty = true
   } else end = buffer.end
   if (strips.dirty) paint()
+  if (!drawnOnce && strips.total && lab.parts.dry && (lab.parts.laws || !lab.parts.dry.pending)) { drawnOnce = true; numbers(); $('main.bench').classList.add('drawn') } // all at once, so that nothing moves
   if (t - slow > 100) { slow = t; numbers() }
 }
 function paint () {
@@ -191,14 +194,15 @@ const CUTS = 400 // of the bar of a run, beyond which they would cover it
 function put (e, text) { if (e.textContent !== text) e.textContent = text }
 function runBar () {
   const s = status(); const d = lab.parts.dry ?? {}; const title = s.title ?? lab.parts.protocol?.title ?? ''
-  const total = s.duration ?? (mode === 'done' ? s.ended?.duration : d.duration) ?? 0
+  const of = s.running ? s : mode === 'done' ? s.ended : d // where a test may end a step the time is the longest
+  const total = (mode === 'done' && s.ended?.by === '' && s.ended.at_most ? s.ended.time : of?.duration) ?? 0; const most = of?.at_most && mode !== 'done' ? 'at most ' : ''
   const time = mode === 'dry' ? 0 : epochOf().kind === 'hand' ? buffer.end : s.running ? s.time : s.ended?.time ?? s.time
   put($('#clk'), fmt(time ?? 0, 3))
   const cycles = s.cycle?.length ? s.words : s.words ?? ''
-  let left = title; let right = total ? `${fmt(total, 1)}${TS}s in all` : ''
+  let left = title; let right = total ? `${most || ''}${fmt(total, 1)}${TS}s${most ? '' : ' in all'}` : ''
   if (s.name === 'By hand') { left = 'By hand'; right = '' } else if (s.running) {
     left = `${title} \u00b7 ${s.paused ? `paused in ${cycles}` : cycles}`
-    right = `${fmt(Math.max(0, total - s.time), 1)}${TS}s left of ${fmt(total, 1)}${TS}s`
+    right = `${most}${fmt(Math.max(0, total - s.time), 1)}${TS}s left of ${fmt(total, 1)}${TS}s`
   } else if (shape() === 'tripped' && epochOf().kind === 'hand') { left = `By hand \u00b7 ${s.vented ? 'ended by the emergency stop' : 'ended by an interlock'}`; right = '' } else if (mode === 'done') { left = `${s.ended?.title ?? title} \u00b7 ${s.ended?.by ? `ended by ${s.ended.by}` : 'ended'}`; right = s.ended?.file ? 'recorded and kept' : 'nothing was recorded' }
   put($('#pl'), left); put($('#pr'), right)
   const share = total && (s.running || epochOf().kind === 'run') && mode !== 'dry' ? clamp((time ?? 0) / total, 0, 1) : 0
@@ -268,8 +272,8 @@ function reads () {
     const e = box.querySelector(`[data-q=${q}]`); const [a, b] = spans[q]; const v = n[q]; const limit = strips.limits[q]; const set = q === 'tension' ? NaN : n[`set_${q}`]
     const low = run ? buffer.low[q] : NaN; const high = run ? buffer.high[q] : NaN
     put(e.querySelector('.val'), fmt(v, Q[q].places))
-    put(e.querySelector('.word'), v > limit ? 'over range' : q === 'tension' && run && v < 0.2 && n.pressure < 0.05 ? 'slack' : '')
-    let words = 'at rest'
+    put(e.querySelector('.word'), v > limit ? 'over range' : q === 'tension' && run && v < 0.2 && n.pressure < 0.05 ? 'slack' : mode === 'done' ? 'last sample' : '')
+    let words = status().running ? 'at its start' : real() ? 'now' : n.pressure < 0.05 ? 'at rest' : 'held'
     const lim = `limit ${fmt(limit, Q[q].limit)}`
     if (run) words = q === 'pressure' ? (Number.isFinite(set) ? `set ${fmt(set, 2)} \u00b7 ${lim}` : lim) : q === 'tension' ? `peak ${fmt(high, 1)} \u00b7 ${lim}` : `seen ${fmt(low, 2)} to ${fmt(high, 2)} \u00b7 ${lim}`
     if (run && shape() === 'tripped' && q === 'pressure') words = `highest ${fmt(high, 2)} \u00b7 ${lim}`
@@ -325,6 +329,9 @@ events.addEventListener('log', e => {
     list.prepend(li)
   }
   while (list.children.length > 200) list.lastChild.remove()
+  // whoever hears the page hears what was done and what to mind; a stop is said by its banner, and cycles are not counted aloud
+  const news = e.detail.filter(m => m.kind === 'done' || m.kind === 'caution')
+  if (news.length) put($('#heard'), news.map(m => say(m.text)).join(' '))
 })
 const lines = []; let back = 0
 $('#ask').onsubmit = async e => {

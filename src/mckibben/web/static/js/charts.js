@@ -26,6 +26,7 @@ function range (lines, of, given) {
   const room = (high - low) * 0.05 || Math.abs(high) * 0.05 || 1
   return ends(given.low ?? low - (of === 'y' ? room : 0), given.high ?? high + (of === 'y' ? room : 0))
 }
+const LOOP = 40 // points of a line that goes back and forth, from which on its direction is shown
 const FAR = 1e5 // pixels from a canvas's corner beyond which nothing is drawn: a dashed line takes as long as it is long
 /** Draw a line through points of a plot, in pixels of its canvas. */
 export function stroke (ctx, xs, ys, { colour, width = 1.75, dash = [], fill = null, opacity = 1, close = false }, px = devicePixelRatio) {
@@ -54,6 +55,24 @@ export function dot (ctx, q, x, y, r, { hollow = false } = {}, px = devicePixelR
   ctx.restore()
 }
 
+/** The direction of a loop: heads at two places of its path, in pixels of the canvas. */
+export function arrows (ctx, xs, ys, colour, px = devicePixelRatio) {
+  const far = 6 * weight(1) * px
+  ctx.save()
+  ctx.fillStyle = colour
+  for (const share of [0.22, 0.72]) {
+    const i = Math.floor(share * xs.length); let j = i
+    while (j < xs.length && !(Math.hypot(xs[j] - xs[i], ys[j] - ys[i]) > far)) j++
+    if (j >= xs.length) continue
+    const to = Math.atan2(ys[j] - ys[i], xs[j] - xs[i])
+    ctx.beginPath()
+    for (const [turn, reach] of [[0, 1.2], [2.5, 1], [-2.5, 1]]) ctx.lineTo(xs[i] + reach * far * Math.cos(to + turn), ys[i] + reach * far * Math.sin(to + turn))
+    ctx.fill()
+  }
+  ctx.restore()
+}
+const rises = l => (l.rises ??= l.line && l.x.every((v, i) => v === null || i === 0 || l.x[i - 1] === null || v >= l.x[i - 1]))
+
 function title (a) { return `<b style="color:${Q[a.quantity] ? `var(--q-${a.quantity})` : 'inherit'}">${escape(a.label)}</b>${a.unit ? `, ${escape(a.unit)}` : ''}` }
 
 function draw (u, spec) {
@@ -65,6 +84,7 @@ function draw (u, spec) {
     const dash = l.dash === 'own' ? Q[l.quantity]?.dash ?? [] : spec.dashes[l.dash] ?? []
     const fill = l.fill ? token(Q[l.quantity] ? `--q-${l.quantity}-fill` : '--tint') : null
     if (l.line) stroke(ctx, xs, ys, { colour: colour(l.quantity), width: l.width, dash, fill, opacity: l.opacity, close: l.fill })
+    if (l.line && !rises(l) && l.x.length >= LOOP) arrows(ctx, xs, ys, colour(l.quantity))
     if (l.points) { ctx.globalAlpha = l.opacity; xs.forEach((x, i) => dot(ctx, l.quantity, x, ys[i], 4, { hollow: true })); ctx.globalAlpha = 1 }
   }
   for (const m of spec.marks) {
@@ -133,14 +153,14 @@ function near (figure, u, spec) {
   const tip = figure.querySelector('.tip')
   const { left, top } = u.cursor
   let best = null
-  if (left >= 0) {
-    for (const l of spec.lines) {
-      for (let i = 0; i < l.x.length; i++) {
-        if (l.x[i] === null || l.y[i] === null) continue
-        const d = (u.valToPos(l.x[i], 'x') - left) ** 2 + (u.valToPos(l.y[i], 'y') - top) ** 2
-        if (d < 900 && (!best || d < best.d)) best = { d, l, i }
-      }
+  for (const l of left >= 0 ? spec.lines : []) {
+    let of = null // its point that is nearest to the pointer: over a line that goes on to the right the one above or below it
+    for (let i = 0; i < l.x.length; i++) {
+      if (l.x[i] === null || l.y[i] === null) continue
+      const dx = (u.valToPos(l.x[i], 'x') - left) ** 2; const dy = (u.valToPos(l.y[i], 'y') - top) ** 2; const key = rises(l) ? dx : dx + dy
+      if (!of || key < of.key) of = { key, d: dx + dy, l, i }
     }
+    if (of && of.key < 900 && (!best || of.d < best.d)) best = of
   }
   tip.hidden = !best
   if (!best) return

@@ -182,9 +182,10 @@ function show (left) {
     if (!shown.startsWith(state + '|')) {
       block.className = `state ${state}`
       block.setAttribute('role', state === 'tripped' || state === 'lost' ? 'alert' : 'status')
+      words.querySelector('small').setAttribute('aria-live', state === 'running' ? 'off' : 'polite') // cycles are counted there
       block.querySelector('svg').innerHTML = ICONS[state]
     }
-    words.firstChild.textContent = name
+    if (words.firstChild.textContent !== name) words.firstChild.textContent = name // the same words again would be said again
     words.querySelector('small').textContent = small
     document.title = (TITLE[state] ?? '') + document.title.replace(/^(\u25b6 |\u275a\u275a |\u2b23 Tripped: )/, '')
     document.documentElement.dataset.state = state
@@ -192,7 +193,7 @@ function show (left) {
   }
   for (const button of document.querySelectorAll('.estop')) {
     const [text, sub, off] = state === 'lost' ? ['Emergency stop', 'cannot reach the machine', true]
-      : status.vented ? ['Vented', 'stays until it is reset', false] : ['Emergency stop', button.closest('.ph') ? 'vents at once' : 'vents at once \u00b7 Esc', false]
+      : status.vented ? ['Vented', 'stays until it is reset', false] : ['Emergency stop', button.closest('.ph') || !stops() ? 'vents at once' : 'vents at once \u00b7 Esc', false]
     const span = button.querySelector('span')
     if (span.firstChild.textContent !== text || span.querySelector('small').textContent !== sub) {
       span.firstChild.textContent = text; span.querySelector('small').textContent = sub
@@ -327,6 +328,8 @@ const keys = new Map()
 export function key (name, about, fn) { keys.set(name, { about, fn }) }
 /** Keys of one page that go before those of all: functions that say whether they took an event. */
 export const keysBefore = []
+/** Whether a run is seen here, so that Esc stops it; elsewhere Esc closes what is open. */
+const stops = () => document.body.dataset.page === 'bench'
 const inField = e => e.target.closest?.('input:not([type=radio]):not([type=checkbox]):not([type=range]),textarea,select,[contenteditable=true]')
 let after = -Infinity
 const singles = () => localStorage.getItem('mckibben-keys') !== 'off'
@@ -335,14 +338,15 @@ function pressed (e) {
   if (keysBefore.some(took => took(e))) { e.preventDefault(); e.stopImmediatePropagation(); return }
   if (e.key === 'Escape') {
     const moving = lab.status?.moving || !lab.open
-    if (moving) { e.preventDefault(); e.stopPropagation(); emergency('Esc was pressed'); return }
+    if (moving && stops()) { e.preventDefault(); e.stopPropagation(); emergency('Esc was pressed'); return }
     const open = document.querySelector('dialog[open]')
     if (open) { open.close(); return }
     if (document.body.classList.contains('nav')) { document.body.classList.remove('nav'); return }
     emit('escape')
+    if (moving && lab.open) tell('Esc stops a run on the page Bench, where it is seen; here the button Emergency stop does.')
     return
   }
-  if (e.ctrlKey && e.key.toLowerCase() === 'z' && !inField(e)) { e.preventDefault(); act('undo').then(a => a.ok || tell(a.said)); return }
+  if (e.ctrlKey && e.key.toLowerCase() === 'z' && !inField(e)) { e.preventDefault(); act('undo', { bench: document.body.dataset.page === 'bench' }).then(a => (!a.ok || document.body.dataset.page === 'bench') && tell(say(a.said))); return }
   if (e.ctrlKey || e.metaKey || e.altKey || inField(e) || document.querySelector('dialog[open]')) return
   if (e.target.closest?.('[data-zooms]') && '+-=0'.includes(e.key) && !e.target.closest('#strips')) return // of a chart, which has the focus
   if (!singles()) return
@@ -380,7 +384,7 @@ addEventListener('DOMContentLoaded', () => {
   key('j', '', () => projector(!projected()))
   $('#keys-button').onclick = help
   $('#copy').onclick = async () => {
-    try { await navigator.clipboard.writeText(location.href); tell('The link to this view was copied.') } catch { tell(`The link: ${location.href}`, 20) }
+    try { await navigator.clipboard.writeText(location.href); tell(`The link to this view was copied.${lab.missing?.() ?? ''}`) } catch { tell(`The link: ${location.href}`, 20) }
   }
   $('#ask-control').onclick = async () => { const a = await act('ask_control'); tell(a.said) }
   $('#keys input').onchange = e => localStorage.setItem('mckibben-keys', e.target.checked ? 'on' : 'off')

@@ -1,6 +1,6 @@
 // Tension against length, live: the loop of the last cycle filled, the present one growing, the law behind it.
 import uPlot from '../uplot/uPlot.esm.js'
-import { axis, dot, stroke } from './charts.js'
+import { arrows, axis, dot, stroke } from './charts.js'
 import { View } from './view.js'
 import { TS, ends, fmt, size, token } from './words.js'
 
@@ -125,7 +125,8 @@ export class LoopPlot {
       const whole = this.from + Math.floor((end - this.from) / this.period) * this.period
       const [xs, ys] = part(whole - this.period, whole)
       stroke(ctx, xs, ys, { colour, width: 1, opacity: 0.6, fill: token(this.old ? '--tint' : '--q-tension-fill'), close: true })
-      if (this.work) this.say(ctx, xs, ys, colour)
+      arrows(ctx, xs, ys, colour)
+      if (this.work) this.say(ctx, colour)
     }
     const [xs, ys] = part(end - span, end)
     stroke(ctx, xs, ys, { colour, width: 2.5 })
@@ -133,10 +134,11 @@ export class LoopPlot {
     dot(ctx, 'tension', X(b.c.length[at]), Y(b.c.tension[at]), 6)
   }
 
-  say (ctx, xs, ys, colour) {
-    const px = devicePixelRatio; const mid = a => (Math.min(...a) + Math.max(...a)) / 2
-    ctx.textAlign = 'center'; ctx.textBaseline = 'alphabetic'; ctx.fillStyle = colour; ctx.font = `600 ${size(17) * px}px ${token('--font')}`
-    ctx.fillText(`${fmt(this.work, 2)}${TS}J`, mid(xs), mid(ys)); ctx.fillStyle = token('--ink-2'); ctx.font = `${size(11) * px}px ${token('--font')}`
-    ctx.fillText(this.words, mid(xs), mid(ys) + 15 * px)
+  // The work, in the corner of short lengths and high tensions, where no muscle is: a thin loop would vanish below its number.
+  say (ctx, colour) {
+    const px = devicePixelRatio; const { left, top } = this.plot.bbox; const x = left + 8 * px
+    ctx.textAlign = 'left'; ctx.textBaseline = 'alphabetic'; ctx.fillStyle = colour; ctx.font = `600 ${size(17) * px}px ${token('--font')}`
+    ctx.fillText(`${fmt(this.work, 2)}${TS}J`, x, top + size(20) * px); ctx.fillStyle = token('--ink-2'); ctx.font = `${size(11) * px}px ${token('--font')}`
+    ctx.fillText(this.words, x, top + size(35) * px)
   }
 }

@@ -9,10 +9,10 @@ key('n', 'note at the cursor', () => click('note'))
 key('/', 'search', () => document.getElementById('search')?.focus())
 key('Delete', 'delete the chosen recordings', () => click('delete'))
 
-// A chart over time says from where to where it goes; the pointer's place in its field is a time.
+// The pointer's place in the field of a chart over time is a time, of the part that is shown.
 document.addEventListener('pointermove', e => {
   const field = e.target.closest?.('.timed .u-over')
   if (!field) return
-  const { low, high } = field.closest('.timed').dataset; const box = field.getBoundingClientRect()
-  window.atCursor = +low + (e.clientX - box.left) / box.width * (+high - +low)
+  const figure = field.closest('figure'); const [low, high] = (figure.zoomed ?? figure.whole).x; const box = field.getBoundingClientRect()
+  window.atCursor = low + (e.clientX - box.left) / box.width * (high - low)
 })

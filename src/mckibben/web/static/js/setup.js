@@ -137,9 +137,10 @@ export function dryRun () {
   const first = d.findings[0]
   // what does not prevent the run, but has to be known of it
   const cautions = (d.cautions ?? []).map(c => `<div class="note" role="note" style="margin-top:4px"><span>${escape(say(`${c[0].toUpperCase()}${c.slice(1)}${c.endsWith('?') ? '' : '.'}`))}</span></div>`).join('')
-  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}${cautions}`
+  box.innerHTML = `<h2 class="${d.passed ? '' : 'fails'}">Dry run ${d.passed ? 'passed' : 'fails'} <span class="faint plain">peaks against limits</span>${d.cure && idle() ? `<button class="btn s" id="cure">Use ${escape(say(d.cure.words))}</button>` : ''}</h2><div class="lim">${rows}</div>${first ? `<div class="err" style="margin-top:4px">${SIGN}<span>${escape(say(first.sentence))}${d.cure ? `. ${escape(say(d.cure.sentence))}` : ''}</span></div>` : ''}${d.rigs?.length ? `<div class="rigs small"><span>Rigs that have it:</span>${d.rigs.map(r => `<button class="btn s" data-rig="${escape(r.name)}" title="${escape(r.title)}" ${idle() ? '' : 'disabled'}>${escape(r.name)}</button>`).join('')}</div>` : ''}${cautions}`
   const b = $('#cure')
   if (b) b.onclick = () => asks('cure')
+  for (const one of box.querySelectorAll('[data-rig]')) one.onclick = () => asks('rig', { name: one.dataset.rig })
 }
 
 // ---------------------------------------------------------------- by hand
@@ -159,11 +160,12 @@ export function hand (now) {
   const words = off ? { running: 'the protocol holds these', paused: 'the protocol holds these', tripped: 'locked until reset', lost: 'no connection' }[state] : !mine() ? 'you watch' : status.by_hand !== 'ready' ? say(status.by_hand ?? '') : 'ready'
   if ($('#manual-state').textContent !== words) $('#manual-state').textContent = words
   $('#vent').disabled = off || !status.set_points
-  for (const [q, one] of sliders) one.show(now[q], asked(q, now), off || !mine() || status.by_hand !== 'ready')
+  for (const [q, one] of sliders) one.show(Number.isFinite(lab.status?.at?.[q]) ? lab.status.at[q] * factor(q) : now[q], asked(q, now), off || !mine() || status.by_hand !== 'ready')
 }
 function asked (q, now) {
-  const points = lab.status?.set_points
+  const points = lab.status?.set_points; const at = lab.status?.at?.[q] // of the machine by hand, whatever the page shows of a run
   if (points) { const v = points[q === 'length' ? 'span' : q]; if (Number.isFinite(v)) return v * factor(q) }
+  if (Number.isFinite(at)) return at * factor(q)
   const set = now[`set_${q}`]
   return Number.isFinite(set) && shape() !== 'idle' ? set : now[q]
 }
@@ -212,9 +214,12 @@ $('#vent').onclick = () => asks('vent')
 // What a link asks for waits this long [ms] for the controls, which the page that vanished before this one holds for 6 s.
 const WAITS = 10000
 const query = new URLSearchParams(location.search)
-const chosen = () => ({ muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name })
+const edits = () => { const e = lab.parts.protocol?.edits; return e && Object.keys(e).length ? JSON.stringify(e) : '' }
+const chosen = () => ({ muscle: setup()?.muscle, rig: setup()?.rig, protocol: lab.parts.protocol?.name, values: edits() })
+lab.missing = () => lab.parts.protocol?.edits === null ? ' The text of this protocol is not in it: save it under a name, then copy the link.' : ''
+const valuesOf = text => { try { const v = JSON.parse(text); return v && typeof v === 'object' ? Object.entries(v) : [] } catch { return [] } }
 let since = null
-let want = Object.fromEntries(['muscle', 'rig', 'protocol'].map(k => [k, query.get(k)]).filter(([, v]) => v))
+let want = Object.fromEntries(['muscle', 'rig', 'protocol', 'values'].map(k => [k, query.get(k)]).filter(([, v]) => v))
 export function fromLink () {
   if (!want || !setup() || !lab.parts.protocol || !lab.status) return
   since ??= performance.now()
@@ -227,15 +232,25 @@ export function fromLink () {
   const differ = Object.entries(want).filter(([k, v]) => v !== have[k])
   if (differ.length && (!mine() || shape() !== 'idle') && performance.now() - since < WAITS) return
   want = null
-  if (mine() && shape() === 'idle') for (const [k, v] of differ) asks(k, { name: v })
+  if (mine() && shape() === 'idle') take(differ)
   else {
-    const words = differ.map(([k, v]) => `${k} ${v}`).join(', ')
+    const words = differ.map(([k, v]) => k === 'values' ? valuesOf(v).map(p => p.join(' ')).join(', ') : `${k} ${v}`).join(', ')
     if (differ.length) tell(`The link's ${words} was not chosen: ${mine() ? 'the machine is not idle' : 'this page is not in control'}.`, 20)
     link(have)
   }
 }
+/** Choose what a link says, one after the other; its numbers are those of its protocol. */
+async function take (differ) {
+  taking = true
+  for (const [k, v] of differ) {
+    if (k !== 'values') { if (!(await asks(k, { name: v })).ok && k === 'protocol') break } else for (const [name, words] of valuesOf(v)) await asks('value', { name, words: String(words) })
+  }
+  taking = false
+  if (!want) link(chosen())
+}
+let taking = false
 events.addEventListener('part', () => {
   fromLink()
-  if (!want) link(chosen())
+  if (!want && !taking) link(chosen())
 })
 events.addEventListener('status', fromLink)
