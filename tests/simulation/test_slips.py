@@ -38,7 +38,17 @@ MECHANISMS = {
     ),
     "air": (mk.Air, {"supply": 6e5, "port_volume": 2e-6, "heat": 0.2, "tube": (1.0, 4e-3)}),
 }  # fmt: skip
-ZERO_IS_MEANT = {"damping", "stiffness", "stop_stiffness", "gravity", "gravity_moment", "start", "heat", "centre", "weight"}
+ZERO_IS_MEANT = {
+    "damping",
+    "stiffness",
+    "stop_stiffness",
+    "gravity",
+    "gravity_moment",
+    "start",
+    "heat",
+    "centre",
+    "weight",
+}
 NEGATIVE_IS_MEANT = {"gravity_moment", "start", "stops", "gravity"}
 
 

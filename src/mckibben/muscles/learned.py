@@ -44,7 +44,9 @@ class LearnedResidual(TensionLaw):
     """
 
     of: TensionLaw = field(kw_only=True)
-    weights: Scalar = quantity("J", (-1e4, 1e4), "weights of the potential, (lengths, pressures)", symbol="c")
+    weights: Scalar = quantity(
+        "J", (-1e4, 1e4), "weights of the potential, (lengths, pressures)", symbol="c", typical=(-0.1, 0.1)
+    )
     middle_length: Scalar = quantity("m", (1e-3, 100.0), "middle of the lengths", symbol="Lm", along=1)
     length_reach: Scalar = quantity("m", (1e-4, 100.0), "half width of the window of lengths", symbol="a", along=1)
     middle_pressure: Scalar = quantity("Pa", (-1e5, 1e8), "middle of the gauge pressures", symbol="Pm")

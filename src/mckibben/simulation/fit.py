@@ -24,7 +24,7 @@ from ..components import paths
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
 from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude
-from ..quantities import named_values, with_unit
+from ..quantities import Quantity, named_values, with_unit
 from ..recordings.recording import Recording
 from .batch import SimulationBatch
 from .kernel import SteppedSimulation
@@ -39,6 +39,7 @@ REST = 1.0  # time that a real machine has rested before its record begins [s]
 STEP = 1e-4  # of the differences, of scaled parameters
 FACTORS = (0.01, 100.0)  # of what an array of numbers is scaled by
 DELAYS = (0.0, 0.5)  # of a sensor [s]
+PRIOR = 0.1  # by which a weight of a table is held at zero, over its size and the noise
 LOST = 1e3  # stands for an error of a lane that cannot go on, over the spread of its field
 LOOSE = 1.0  # half an interval of this share of a parameter says little about it
 LEAST = 1e-6  # share of a field's spread below which its error is rounding
@@ -288,6 +289,7 @@ class _Unknowns:
         self.parameters: dict[str, Parameter] = {}
         self.sensors: list[str] = []
         self.begins: dict[str, np.ndarray] = {}
+        self.elements: dict[str, tuple[str, int]] = {}  # of tables of weights, which are searched one by one
         fields = simulation.programs.fields
         if not named_values(free, "free"):
             raise InputError("free", None, "must be at least one parameter")
@@ -307,6 +309,9 @@ class _Unknowns:
                 declared = paths.declaration(simulation.machine, self.places[name][0])
                 value = np.asarray(paths.get(simulation.machine, self.places[name][0]), float)
                 many = {p: np.asarray(paths.get(simulation.machine, p), float) for p in self.places[name]}
+                if value.ndim > 0 and min(declared.bounds) < 0.0:
+                    self._free_elements(self.places.pop(name), many, declared, stated)
+                    continue
                 # numbers that differ are scaled together
                 scaled = value.ndim > 0 or any(one.ndim or one != value for one in many.values())
                 self.begins |= many if scaled else {}
@@ -324,9 +329,38 @@ class _Unknowns:
                 raise InputError("free", name, "must have a least value below the largest one")
             self.parameters[name] = Parameter(min(max(begin, bounds[0]), bounds[1]), *bounds, unit, size, search)
 
+    def _free_elements(
+        self, places: list[str], many: dict[str, np.ndarray], declared: Quantity, stated: tuple[Amount, Amount] | None
+    ) -> None:
+        """Free each number of tables of weights, which may have either sign and begin at zero: no share scales them."""
+        size = max(abs(end) for end in declared.typical)
+        ends = declared.bounds if stated is None else tuple(in_si(one, declared.unit, "free") for one in stated)
+        for path in places:
+            self.begins[path] = many[path]
+            for k, index in enumerate(np.ndindex(many[path].shape)):
+                name = f"{path}[{','.join(map(str, index))}]"
+                self.elements[name] = path, k
+                begin = float(many[path][index])
+                self.parameters[name] = Parameter(begin, float(ends[0]), float(ends[1]), declared.unit, size, "share")
+
+    @property
+    def held(self) -> np.ndarray:
+        """How strongly each scaled parameter is held at zero (p,), as a weight of a residual: those of tables only.
+
+        A potential between the places where a record was tells nothing of its own; ten sizes are its prior's deviation.
+        """
+        return np.array([PRIOR if name in self.elements else 0.0 for name in self.parameters])
+
     def changes(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Parameters of the machine, with an axis of lanes behind, from values (p, lanes) [unit]."""
-        changes = {}
+        changes: dict[str, np.ndarray] = {}
+        for (path, k), row in zip(
+            self.elements.values(),
+            (r for n, r in zip(self.parameters, values, strict=True) if n in self.elements),
+            strict=True,
+        ):
+            table = changes.setdefault(path, np.empty((*self.begins[path].shape, values.shape[1])))
+            table.reshape(-1, values.shape[1])[k] = row
         for name, row in zip(self.parameters, values, strict=True):
             for path in self.places.get(name, ()):
                 changes[path] = self.begins[path][..., None] * row if path in self.begins else row

