@@ -37,7 +37,7 @@ def test_a_run_without_a_sample_shows_none_of_the_run_before(bench, status, unti
         const look = () => { const s = window.lab.lab.status; const b = window.lab.bench
             if (s.running && s.time === 0) { window.looks++; if (b.mode !== 'dry') window.wrong++ }
             requestAnimationFrame(look) }; look() }""")
-    page.evaluate("() => { window.lab.act('start'); window.lab.act('pause') }")
+    page.evaluate("window.lab.act('start').then(() => window.lab.act('pause'))")  # one after the other
     until(lambda: status(page)["shape"] == "paused")
     page.wait_for_timeout(300)
     assert page.evaluate("window.looks") > 3 and page.evaluate("window.wrong") == 0
