@@ -298,7 +298,7 @@ def _environment() -> dict[str, str]:
 
 # What the house may hold at most. Whoever adds something of worth raises these by the number that its own issue grants, and
 # says so in the commit; whoever makes the house smaller lowers them to what is left, rounded up to the next ten.
-LARGEST = {"src and packages": (135_100, 452), "src/mckibben": (104_300, None)}
+LARGEST = {"src and packages": (141_800, 474), "src/mckibben": (110_100, None)}
 
 
 @pytest.mark.parametrize("what", LARGEST)
