@@ -21,6 +21,7 @@ LONG = {
     "learn_by_ppo.py",
     "elbow_in_opensim.py",
     "identify_in_mujoco.py",
+    "learn_a_residual.py",
 }  # up to a minute
 NEEDS = {
     "elbow_in_opensim.py": "opensim",

@@ -69,6 +69,16 @@ def test_it_fades_to_the_law_itself_outside_of_its_data_and_its_tension_has_no_c
     assert np.abs(added).max() < 1e-2 * most
 
 
+def test_from_the_places_of_a_record_it_holds_along_them_only():
+    length = np.linspace(0.11, 0.14, 200)
+    pressure = 1e5 + (length - 0.11) * 1e7 + 3e4 * np.sin(400.0 * length)
+    none = LearnedResidual.beside(LAW, lengths=length, pressures=pressure)
+    law = none.replace(weights=np.full((4, 4), 0.05))
+    along = law.tension(length, pressure) - LAW.tension(length, pressure)
+    beside = law.tension(length, pressure + 1e5) - LAW.tension(length, pressure + 1e5)
+    assert np.abs(along).max() > 1.0 and np.abs(beside).max() < 1e-12
+
+
 def test_a_specimen_keeps_what_was_learned_bit_for_bit_and_only_beside_its_own_law(tmp_path):
     spec, law = mk.specimen("nylon"), learned()
     save_specimen(dataclasses.replace(spec, id="mine", residual=law.group("60 s of holds")), tmp_path / "mine.toml")

@@ -2,7 +2,8 @@
 
     G(L, P') = G0(L, P') + w(x) w(y) sum_ij c_ij T_i(x) T_j(y),   w(x) = (1 - x^2)^3 within -1 to 1, else 0
 
-G0 is the gas energy of the law, x and y are length and pressure in the ranges of the records, T_i are Chebyshev polynomials.
+G0 is the gas energy of the law, x is the length in the range of the records, y the pressure in theirs, from a line over the
+length around which a loaded muscle moves; T_i are Chebyshev polynomials.
 Tension and volume follow from G as from every law, F = Fe - dG/dL and V = dG/dP', so that what was learned yields no work in
 any closed cycle, and enters the gas with the volume that belongs to its tension. Beyond the records it fades to nothing,
 twice continuously differentiable: there the law alone answers. It is linear in its weights, so that their fit has one end.
@@ -45,11 +46,12 @@ class LearnedResidual(TensionLaw):
 
     of: TensionLaw = field(kw_only=True)
     weights: Scalar = quantity(
-        "J", (-1e4, 1e4), "weights of the potential, (lengths, pressures)", symbol="c", typical=(-0.1, 0.1)
+        "J", (-1e4, 1e4), "weights of the potential, (lengths, pressures)", symbol="c", typical=(-0.02, 0.02)
     )
     middle_length: Scalar = quantity("m", (1e-3, 100.0), "middle of the lengths", symbol="Lm", along=1)
     length_reach: Scalar = quantity("m", (1e-4, 100.0), "half width of the window of lengths", symbol="a", along=1)
-    middle_pressure: Scalar = quantity("Pa", (-1e5, 1e8), "middle of the gauge pressures", symbol="Pm")
+    middle_pressure: Scalar = quantity("Pa", (-1e5, 1e8), "gauge pressure of the line at that length", symbol="Pm")
+    pressure_slope: Scalar = quantity("Pa/m", (-1e12, 1e12), "slope of the line", symbol="s", default=0.0, along=-1)
     pressure_reach: Scalar = quantity("Pa", (1e2, 1e8), "half width of the window of pressures", symbol="b")
 
     title = "Learned residual"
@@ -61,35 +63,40 @@ class LearnedResidual(TensionLaw):
         cls,
         law: TensionLaw,
         *,
-        lengths: tuple[float, float],
-        pressures: tuple[float, float],
+        lengths: np.ndarray | tuple[float, float],
+        pressures: np.ndarray | tuple[float, float],
         order: tuple[int, int] = ORDER,
     ) -> LearnedResidual:
         """A law with a potential that is nothing yet.
 
         Args:
             law: that is kept.
-            lengths: shortest and longest of the records [m].
-            pressures: lowest and highest gauge pressure of the records [Pa].
+            lengths: of the muscle in the records (n,), or their ends [m].
+            pressures: gauge, at the same samples (n,), or their ends [Pa].
             order: how many polynomials of the length, and of the pressure.
 
         Raises:
             InputError: a range is none, or there are no polynomials.
         """
-        for name, (low, high) in (("lengths", lengths), ("pressures", pressures)):
-            if not high > low:
-                raise InputError(name, None, f"must rise, got {low:g} to {high:g}")
+        length, pressure = np.asarray(lengths, float), np.asarray(pressures, float)
+        for name, values in (("lengths", length), ("pressures", pressure)):
+            if values.ndim != 1 or values.size < 2 or not np.ptp(values) > 0.0 or not np.isfinite(values).all():
+                raise InputError(name, None, "must be two or more finite numbers that differ")
         if min(order) < 1:
             raise InputError("order", str(order), "must be 1 or more of each")
-        (l0, l1), (p0, p1) = lengths, pressures
+        middle, slope = 0.5 * (length.min() + length.max()), 0.0
+        if length.size == pressure.size > 2:
+            slope = float(np.polyfit(length - middle, pressure, 1)[0])
+            pressure = pressure - slope * (length - middle)
         return cls(
             of=law,
             thread_strain=law.thread_strain,
             weights=np.zeros(order),
-            middle_length=0.5 * (l0 + l1),
-            length_reach=0.5 * MARGIN * (l1 - l0),
-            middle_pressure=0.5 * (p0 + p1),
-            pressure_reach=0.5 * MARGIN * (p1 - p0),
+            middle_length=middle,
+            length_reach=0.5 * MARGIN * np.ptp(length),
+            middle_pressure=0.5 * (pressure.min() + pressure.max()),
+            pressure_slope=slope,
+            pressure_reach=0.5 * MARGIN * np.ptp(pressure),
         )
 
     @classmethod
@@ -123,8 +130,9 @@ class LearnedResidual(TensionLaw):
 
     def learned_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
         """The learned part of the gas energy [J]."""
-        x = (length - self.middle_length) / self.length_reach
-        y = (pressure - self.middle_pressure) / self.pressure_reach
+        beyond = length - self.middle_length
+        x = beyond / self.length_reach
+        y = (pressure - self.middle_pressure - self.pressure_slope * beyond) / self.pressure_reach
         rows, columns = self.weights.shape[:2]  # type: ignore[union-attr]
         of_length, of_pressure = _basis(x, rows), _basis(y, columns)
         energy = 0.0 * (x + y)
