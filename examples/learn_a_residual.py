@@ -17,13 +17,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import mckibben as mk
-from mckibben.control.benches import BENCHES, NOMINAL, Plant
-from mckibben.muscles import Muscle
-from mckibben.muscles.learned import LearnedResidual
+from mckibben.control import BENCHES, Plant
+from mckibben.muscles import LearnedResidual, Muscle
 from mckibben.quantities import declared, values
 from mckibben.specimens import SpecimenNumber, save_specimen
 
 BENCH = BENCHES["B1"]
+MODEL = Plant()
 TRUTH = Plant("another muscle", "sarosi", "dahl", friction_scale=1.3, creep=1.5, creep_time=1.2)
 FREE = {"law.rest_diameter": None, "law.rest_length": None, "friction.limit.*": None, "creep.stiffness": None}
 LEARNED = {"law.weights": ("-0.1 J", "0.1 J"), "friction.limit.*": (0.3, 3.0), "friction.stiffness": (0.2, 5.0)}
@@ -53,15 +53,15 @@ def error(simulation: mk.Simulation, shown: mk.Recording) -> float:
 def main(folder: Path, seconds: float = 60.0) -> dict[str, tuple[float, float]]:
     """Print the errors on the record and on the one not shown, draw what was learned, and save the specimen."""
     seen, unseen = record(11, seconds), record(12, 0.5 * seconds)
-    model = BENCH.simulation(NOMINAL, sensors=False)
+    model = BENCH.simulation(MODEL, sensors=False)
     refit = model.fit(seen, FREE, measured=["position"]).simulation
     unit = refit.machine.units["muscle"]
     length, pressure = seen["muscle.length"], seen["muscle.pressure"]
     law = LearnedResidual.beside(unit.law, lengths=length, pressures=pressure, order=(5, 3))
     muscle = Muscle(law, friction=unit.friction, creep=unit.creep)
-    mechanism = dataclasses.replace(BENCH.mechanism(NOMINAL), muscle=muscle)
+    mechanism = dataclasses.replace(BENCH.mechanism(MODEL), muscle=muscle)
     limits = {d.command: d.limits for d in refit.drives if d.limits is not None}
-    begin = mk.Simulation(mechanism, NOMINAL.air(), period=BENCH.period, limits=limits)
+    begin = mk.Simulation(mechanism, MODEL.air(), period=BENCH.period, limits=limits)
     learned = begin.fit(seen, LEARNED, measured=["position"], evaluations=20).simulation
     errors = {
         name: (error(one, seen), error(one, unseen))

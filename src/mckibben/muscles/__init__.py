@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from . import plausible as plausible
     from . import sleeve as sleeve
     from .elements import Tendon as Tendon
+    from .learned import LearnedResidual as LearnedResidual
     from .sleeve import braid_laws as braid_laws
 
 __all__ = [
     "LAWS",
     "LawState",
+    "LearnedResidual",
     "Muscle",
     "Tendon",
     "PressureLaw",
@@ -32,4 +34,4 @@ __all__ = [
 ]
 
 lazy_submodules(__name__)
-lazy_names(__name__, {"elements": ["Tendon"], "sleeve": ["braid_laws"]})
+lazy_names(__name__, {"elements": ["Tendon"], "learned": ["LearnedResidual"], "sleeve": ["braid_laws"]})

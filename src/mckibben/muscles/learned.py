@@ -37,7 +37,7 @@ class LearnedResidual(TensionLaw):
 
     Examples:
         >>> import mckibben as mk
-        >>> from mckibben.muscles.learned import LearnedResidual
+        >>> from mckibben.muscles import LearnedResidual
         >>> law = mk.muscle("nylon").law
         >>> beside = LearnedResidual.beside(law, lengths=(0.11, 0.14), pressures=(1e5, 5e5))
         >>> bool(beside.tension(0.12, 3e5) == law.tension(0.12, 3e5))
