@@ -48,7 +48,7 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
     page = visit("/recordings")
     ready(page)
     line(page, "wide").click()
-    page.wait_for_selector("text=Work per cycle")
+    page.wait_for_selector("text=/Work per cycle/")
     line(page, "narrow").click()
     page.wait_for_function("document.querySelectorAll('[aria-label=\"Measured properties\"] th').length === 5")
     until(lambda: page.url.endswith("a=wide.nc&b=narrow.nc"))
@@ -162,7 +162,7 @@ def test_a_deleted_recording_comes_back_and_a_renamed_one_keeps_its_kind(visit, 
     made(folder, "spare", 0.005)
     page = visit("/recordings?a=spare.nc")
     ready(page, 4)
-    page.wait_for_selector("text=Work per cycle")
+    page.wait_for_selector("text=/Work per cycle/")
     page.keyboard.press("Delete")
     until(lambda: not (folder / "spare.nc").exists())
     page.wait_for_function("!document.querySelector(\"tr[data-name='spare.nc']\")")
@@ -182,7 +182,7 @@ def test_a_deleted_recording_comes_back_and_a_renamed_one_keeps_its_kind(visit, 
 @pytest.mark.parametrize("kind", ["CSV", "MAT"])
 def test_an_exported_recording_reads_back_as_it_was(visit, folder, tmp_path, kind):
     page = visit("/recordings?a=narrow.nc")
-    page.wait_for_selector("text=Work per cycle")
+    page.wait_for_selector("text=/Work per cycle/")
     page.get_by_role("group", name="Format").get_by_role("button", name=kind, exact=True).click()
     with page.expect_download(timeout=60_000) as coming:
         page.get_by_role("button", name="Export", exact=True).click()
@@ -273,6 +273,6 @@ def test_while_a_file_of_100_mb_is_read_stops_are_answered_all_the_time_and_memo
     # a stop, however busy the machine is; 20 leave a factor of ten for reading that is faster.
     assert len(stops) > 20
     page.wait_for_selector("tr[data-name='long.nc'].sel", timeout=120_000)
-    page.wait_for_selector("text=Work per cycle", timeout=60_000)
+    page.wait_for_selector("text=/Work per cycle/", timeout=60_000)
     # one recording of 82 MB is shown, and what numpy and the page need besides
     assert resident(served.process.pid) - memory < 250.0

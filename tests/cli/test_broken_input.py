@@ -323,6 +323,14 @@ COMMANDS = {
         "--input": "name", "--output": "name", "--resolution": "number", "--sines": "number", "--from": "moment",
         "--to": "moment", "--out": "picture",
     }),
+    "record loops": ("record loops @record:record.nc", {
+        "--length": "name", "--tension": "name", "--from": "moment", "--to": "moment",
+    }),
+    "record work": ("record work @record:record.nc", {"--length": "name", "--from": "moment", "--to": "moment"}),
+    "record stiffness": ("record stiffness @record:record.nc", {"--tension": "name", "--from": "moment"}),
+    "record steps": ("record steps @record:record.nc", {"--command": "name", "--channel": "name"}),
+    "record leak": ("record leak @record:record.nc", {"--pressure": "name", "--from": "moment", "--to": "moment"}),
+    "control": ("control --plants 1 --duration 10s", {"--controller": "name", "--bench": "name", "--reference": "name"}),
     "record repeatability": ("record repeatability @record:record.nc", {
         "--channel": "name", "--drive": "name", "--from": "moment", "--to": "moment", "--out": "picture",
     }),

@@ -435,8 +435,8 @@ def channel_response(
         commands = [n for n, c in record.channels.items() if c.kind == "command" and np.ptp(c.values) > 0.0]
         usual = commands[0] if len(commands) == 1 else None
         guessed = tuple(role for role, name in (("source", source), ("target", target)) if name is None)
-        source = source or usual or choose_channel(record, "length")
-        target = target or choose_channel(record, "tension")
+        source = choose_channel(record, "length", usual) if source is None else source
+        target = choose_channel(record, "tension", target)
         if sines is None:
             # one spacing for all, a little off so that no clock's rounding decides between two numbers of samples
             spacing = None if len(runs) == 1 else (1.0 - 1e-6) * min(8.0 / (len(run) * run.period) for run in runs)

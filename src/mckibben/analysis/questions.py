@@ -449,8 +449,10 @@ def steps(
     """
     question = _question(recording, read, start, end, {})
     first = question.parts[0][1]
+    for name in (command, channel):
+        if name is not None:
+            first.unit(name)  # refuses what is no channel, before anything is looked for
     driver = _driver(first) if command is None else command
-    first.unit(driver)
     followers = [channel] if channel is not None else _followers(first, driver)
     rows: list[dict[str, Any]] = []
     items: list[StepResponse] = []

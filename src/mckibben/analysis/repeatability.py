@@ -258,10 +258,12 @@ def repeatability(
     for source in sources:
         record = read_any(source, **(read or {})).recording
         with naming_file(source):
-            channel = channel or ("tension" if "tension" in record else choose_channel(record, "tension"))
+            if channel is None:
+                channel = "tension" if "tension" in record else choose_channel(record, "tension")
             known(record, channel)  # refuses what the file has not, before parameters of that name are looked at
             if len(sources) == 1 and len(record.runs) == 1:
-                drive = drive or ("span" if "span" in record else choose_channel(record, "length"))
+                if drive is None:
+                    drive = "span" if "span" in record else choose_channel(record, "length")
                 known(record, drive)
             records += [select_between(run, start, end) for run in record.runs]
     one = len(records) == 1

@@ -196,7 +196,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "calibrate": ("", "Calibrate the channels of a rig, show a calibration, or apply it to a recording."),
     "calibrate zero": ("hardware", "Calibrate the zeros of channels without load and pressure."),
     "calibrate weights": ("hardware", "Calibrate a load cell with dead weights, up and down."),
-    "calibrate pressure": ("hardware", "Calibrate pressure sensors with a reference gauge."),
+    "calibrate pressure": (
+        "hardware",
+        "Calibrate pressure sensors with a reference gauge, whose points are set now or were read before.",
+    ),
     "calibrate encoder": (
         "hardware",
         "Calibrate the encoder with known travels, such as those of gauge blocks.",

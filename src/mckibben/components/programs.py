@@ -64,6 +64,7 @@ UPPER = (
     ("web",),
     ("report",),
     ("studies",),
+    ("control",),
     ("batch",),
     ("bench", "identification", "simulation"),
     ("analysis",),

@@ -150,7 +150,7 @@ def element_words(name: str, circuit: Circuit, subtitles: Mapping[str, str]) -> 
 
 def main_values(element: Module) -> list[str]:
     """Length and bore of a tube, set pressure, conductances of passages; else the first values that have no default."""
-    known = {n: float(v) for n in declared(element) if np.ndim(v := getattr(element, n)) == 0}
+    known = {n: float(v) for n in declared(element) if (v := getattr(element, n)) is not None and np.ndim(v) == 0}
     bore = known.get("diameter", 2.0 * math.sqrt(known["area"] / math.pi) if "area" in known else None)
     if "length" in known and bore is not None:
         return [f"{reading(known['length'], 'm')} × {reading(bore, 'm')}"]
