@@ -131,7 +131,7 @@ class FitPage:
         document.on_close(self.work.end)
 
     def _place(self, name: str, classes: str = "") -> None:
-        self._places[name] = box("div", classes or name)  # its name gives it the room that it will take
+        self._places[name] = box("div", classes or f"room-{name}")  # its name gives it the room that it will take
 
     async def _begin(self) -> None:
         self._show_laws()
