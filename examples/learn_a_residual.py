@@ -90,7 +90,9 @@ def draw(folder: Path, law: LearnedResidual, length: np.ndarray, pressure: np.nd
     added = np.asarray(law.braid_tension(x, y)) - np.asarray(law.of.braid_tension(x, y))
     most = np.abs(added).max()
     figure, axes = plt.subplots(figsize=(5.2, 3.2), layout="constrained")
-    shades = axes.pcolormesh(1e3 * x, y / 1e5, added, cmap="RdBu_r", vmin=-most, vmax=most, shading="nearest")
+    shades = axes.pcolormesh(
+        1e3 * x, y / 1e5, added, cmap="RdBu_r", vmin=-most, vmax=most, shading="nearest", rasterized=True
+    )
     axes.plot(1e3 * length, pressure / 1e5, color="0.2", lw=0.3)
     axes.set(xlabel="length (mm)", ylabel="gauge pressure (bar)")
     figure.colorbar(shades, label="learned tension (N)")

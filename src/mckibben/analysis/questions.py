@@ -138,7 +138,8 @@ class RecordingNumbers(Answer, Generic[T]):
         if not taken:
             return list(self.notes)
         options = " and ".join(f"{{{role}}}" for role in self.guessed)
-        taken += [f"{role} is {name}" for role, name in self.channels.items() if role == "pressure" not in self.guessed]
+        if "pressure" in self.channels and "pressure" not in self.guessed:
+            taken.append(f"pressure is {self.channels['pressure']}")
         words = ", ".join(taken)
         verb = "names another" if len(self.guessed) == 1 else "name others"
         return [f"{words[:1].upper()}{words[1:]}, chosen by name and unit; {options} {verb}.", *self.notes]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,6 +13,7 @@ from ..errors import InputError
 from ..identification.fit import Fit
 from ..identification.posterior import Posterior
 from ..quantities import Quantity, named_values, whole_number, with_unit
+from ..simulation.fit import find_parameters
 from ..simulation.kernel import SteppedSimulation
 from ..simulation.mechanisms import in_si
 from .posterior import of_fit
@@ -35,9 +35,10 @@ def randomise(
     Args:
         simulation: a `Simulation`; its own numbers are the middle of tolerances.
         count: of the plants.
-        vary: what differs, by dotted path in ``simulation.machine``, where ``*`` stands for anything: each path that it fits
-            is drawn by itself. A value is a tolerance (``"5 %"`` of the number, ``"+-2 mm"``), a range of two ends, within
-            which each number is as likely, or an array (count,) [SI].
+        vary: what differs, by dotted path in ``simulation.machine`` or the end of one, where ``*`` stands for anything: each
+            path that it fits is drawn by itself. A value is a tolerance (``"5 %"`` of the number, ``"+-2 mm"``), a range of
+            two ends, within which each number is as likely, or an array (count,) [SI]. What holds several numbers, as a
+            friction of several elements does, is scaled by a share.
         muscles: law of each muscle, drawn anew for each of them: a posterior or a fit of its law, or draws by name of the
             law's parameters (n,) [SI], whose rows belong together.
         seed: same seed, same plants.
@@ -64,10 +65,7 @@ def randomise(
     declared = {path: (stated, value) for path, stated, value in paths.declared_values(simulation.machine)}
     drawn = {} if muscles is None else _of_muscles(simulation, declared, count, muscles, chance)
     for pattern, spread in named_values(vary or {}, "vary").items():
-        fitting = fnmatch.filter(declared, pattern)
-        if not fitting:
-            paths.declaration(simulation.machine, pattern)  # refuses it with the nearest ones
-        for path in fitting:
+        for path in find_parameters(simulation.machine, pattern, "vary"):
             stated, value = declared[path]
             drawn[path] = _drawn(path, spread, stated, value, count, chance)
     for path, values in drawn.items():

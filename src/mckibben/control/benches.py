@@ -48,6 +48,7 @@ MEAN, HALF = 2.4e5, 1.8e5  # of the two pressures of the joint [Pa]
 NOISE = {"position": 5.8e-6, "pressure": 580.0}
 COUNTS = Readout(rounding=2e-5, median=3)
 UNSEEN = 20
+DRAWN = 2611  # seed of the plants not seen: drawn once all gains were chosen, for those of an earlier one had been looked at
 # tbazina/pam_lqi_pid: settled, tracking, overshoot [mm], share saturated, travel of the command [V in 120 s].
 PUBLISHED = {
     "feedforward": (2.382, 3.425, 1.09, 0.0, 100.0),
@@ -130,7 +131,7 @@ VARIED = {
 }
 
 
-def unseen_plants(count: int = UNSEEN, seed: int = 36) -> list[Plant]:
+def unseen_plants(count: int = UNSEEN, seed: int = DRAWN) -> list[Plant]:
     """Plants on which no controller was built: another law and friction each, other creep, valve, load and supply.
 
     The laws are those that the specimen states as fitted to its map to better than 2 N; the friction is one contact of

@@ -1,7 +1,8 @@
 """The scored bench: a controller on plants that it was not built on, and, as a footnote, on the one that it was.
 
     settled   mean over holds of the rms error of their last 0.3 s          tracking  rms error after the first 2 s
-    overshoot mean over holds of the largest excess beyond the new level    air  what fills the muscles, at 0 C and 1 atm
+    overshoot mean over holds of the largest excess beyond the new level    air  what fills the muscles, at 0 C and 1 atm,
+                                                                                 of gas that has the room's temperature
 
 Errors are of the true output, not of the measured one. Holds and their numbers are those of a staircase.
 """
@@ -22,7 +23,7 @@ from ..errors import InputError
 from ..registry import is_reference, load_reference, named_by_person
 from ..simulation import Simulation
 from ..verbs import Count, Duration, ParameterType, Seed, verb
-from .benches import PUBLISHED, VARIED, VOLT, ControlBench, Plant, control_task, find_bench, unseen_plants
+from .benches import PUBLISHED, VARIED, VOLT, ControlBench, control_task, find_bench, unseen_plants
 from .catalogue import CONTROLLERS
 from .references import HOLD, REFERENCES, SKIPPED, Reference
 from .task import Controller, ControlTask
@@ -316,7 +317,7 @@ def score(
     total, done = len(makers) * len(known), 0
     results: dict[str, dict[str, ControlRun]] = {name: {} for name in makers}
     for plant in known.values():
-        machine = _plant(stand, plant)
+        machine = stand.simulation(plant)
         for name, make in makers.items():
             if progress is not None:
                 progress(done, total)
@@ -335,10 +336,6 @@ def score(
         {name: _median_run(runs) for name, runs in results.items()},
         collect(*_cautions(seconds, course)),
     )
-
-
-def _plant(stand: ControlBench, plant: Plant) -> Simulation:
-    return stand.simulation(plant)
 
 
 def _median_run(runs: Mapping[str, ControlRun]) -> ControlRun:
@@ -365,7 +362,7 @@ def _reference(stand: ControlBench, name: str | None) -> Reference:
 def _makers(controller: Any) -> dict[str, Callable[[ControlTask], Controller]]:
     """What makes each controller, by its name."""
     several = controller if isinstance(controller, list | tuple) else [controller]
-    split = [part.strip() if isinstance(part, str) else part for one in several for part in _parts(one)]
+    split = [part for one in several for part in (map(str.strip, one.split(",")) if isinstance(one, str) else [one])]
     makers: dict[str, Callable[[ControlTask], Controller]] = {}
     for one in split:
         name = one if isinstance(one, str) else getattr(one, "__name__", repr(one))
@@ -379,10 +376,6 @@ def _makers(controller: Any) -> dict[str, Callable[[ControlTask], Controller]]:
         else:
             raise InputError("controller", name, known=CONTROLLERS)
     return makers
-
-
-def _parts(one: Any) -> Sequence[Any]:
-    return one.split(",") if isinstance(one, str) else [one]
 
 
 def _made(make: Callable[[ControlTask], Controller], task: ControlTask, name: str) -> Controller:

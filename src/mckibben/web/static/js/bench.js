@@ -89,6 +89,8 @@ function expected (part) {
 
 // ---------------------------------------------------------------- every frame
 let last = 0; let slow = 0; let drawnOnce = false
+const show = () => { drawnOnce = true; numbers(); $('main.bench').classList.add('drawn') }
+setTimeout(() => { if (!drawnOnce) show() }, 2000) // whatever is missing: a page that operates a machine does not stay blank
 function frame (t) {
   requestAnimationFrame(frame)
   const dt = Math.min(0.1, (t - last) / 1000); last = t
@@ -103,7 +105,7 @@ function frame (t) {
     if (Math.abs(gap) > 1e-6) strips.dirty = true
   } else end = buffer.end
   if (strips.dirty) paint()
-  if (!drawnOnce && strips.total && lab.parts.dry && (lab.parts.laws || !lab.parts.dry.pending)) { drawnOnce = true; numbers(); $('main.bench').classList.add('drawn') } // all at once, so that nothing moves
+  if (!drawnOnce && strips.total && lab.parts.dry && (lab.parts.laws || !lab.parts.dry.pending)) show() // all at once, so that nothing moves
   if (t - slow > 100) { slow = t; numbers() }
 }
 function paint () {
