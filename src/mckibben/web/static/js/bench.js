@@ -89,7 +89,7 @@ function expected (part) {
 
 // ---------------------------------------------------------------- every frame
 let last = 0; let slow = 0; let drawnOnce = false
-const show = () => { drawnOnce = true; numbers(); $('main.bench').classList.add('drawn') }
+const show = () => { drawnOnce = true; $('main.bench').classList.add('drawn'); numbers() }
 setTimeout(() => { if (!drawnOnce) show() }, 2000) // whatever is missing: a page that operates a machine does not stay blank
 function frame (t) {
   requestAnimationFrame(frame)
