@@ -22,9 +22,9 @@ import numpy as np
 from ..._jax import Scalar
 from ...answers import brief
 from ...components.flow import GasState
+from ...components.gas import AIR, REFERENCE_DENSITY
 from ...engine.native import call_compiled
 from ...pneumatics.compressor import Compressor
-from ...pneumatics.gas import AIR, REFERENCE_DENSITY
 from ...quantities import with_unit
 from ...specimens.parts import CataloguePart, parts
 from .candidate import Judged, LawAtPressure
