@@ -449,7 +449,6 @@ BAD = {
     "bound of another kind": (
         HEAD + 'steps = [{for = "$a"}]\n[parameters.a]\nunit = "s"\nvalue = "1 s"\nlow = "1 m"\nhigh = "2 s"', "a.low",
     ),
-    "unit of nothing": (HEAD + 'steps = [{for = "$a"}]\n[parameters.a]\nunit = "ss"\nvalue = "$b"', "a.unit"),
     "inferred out of bounds": (
         HEAD + 'steps = [{for = "$a"}]\n[parameters.a]\nunit = "s"\nvalue = "1 s"\nlow = "1 s"\nhigh = "2 s"\n'
         'inferred = "3 s"',
