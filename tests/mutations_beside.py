@@ -115,5 +115,5 @@ GUARDS_TESTS = {
     "specimens/model.py": "specimens/test_bad_specimens.py muscles/test_sleeve.py specimens/test_published_muscles.py",
     "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py bench/test_session_proxy.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",
-    "errors.py": "test_errors.py test_quantities.py test_schema.py",
+    "errors.py": "test_error_sentences.py test_quantities.py test_schema.py",
 }
