@@ -87,7 +87,12 @@ def _changes(node: ast.AST, source: Callable[[ast.AST], str]) -> Iterator[tuple[
             if name[2] in CLAMPS:
                 yield "clamp", function, name[0] + name[1] + CLAMPS[name[2]]
                 yield "dropped clamp", node, f"({source(first)})"
-            elif isinstance(first, ast.Name) and isinstance(second, ast.Name) and name[2] != "isinstance":
+            elif (
+                isinstance(first, ast.Name)
+                and isinstance(second, ast.Name)
+                and first.id != second.id
+                and name[2] != "isinstance"
+            ):
                 yield "swapped arguments", first, second.id
         case ast.If(test, [ast.Raise() | ast.Return()], []):
             yield "dropped guard", test, "False"
