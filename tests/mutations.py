@@ -87,7 +87,12 @@ def _changes(node: ast.AST, source: Callable[[ast.AST], str]) -> Iterator[tuple[
             if name[2] in CLAMPS:
                 yield "clamp", function, name[0] + name[1] + CLAMPS[name[2]]
                 yield "dropped clamp", node, f"({source(first)})"
-            elif isinstance(first, ast.Name) and isinstance(second, ast.Name) and name[2] != "isinstance":
+            elif (
+                isinstance(first, ast.Name)
+                and isinstance(second, ast.Name)
+                and first.id != second.id
+                and name[2] != "isinstance"
+            ):
                 yield "swapped arguments", first, second.id
         case ast.If(test, [ast.Raise() | ast.Return()], []):
             yield "dropped guard", test, "False"
@@ -161,9 +166,10 @@ def apply(one: Mutation, tree: Path) -> str:
     return changed.decode().splitlines()[one.line - 1].strip()
 
 
-def _tested(one: Mutation, tree: Path, said: Path) -> int:
+def _tested(tests: tuple[str, ...], tree: Path, said: Path) -> int:
     os.setsid()
-    limit = int(min(MOST, LIMIT * len(one.tests)))
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever started this may ignore it, and a test would with him
+    limit = int(min(MOST, LIMIT * len(tests)))
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
     os.chdir(tree)
     descriptor = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -177,7 +183,7 @@ def _tested(one: Mutation, tree: Path, said: Path) -> int:
                 [
                     *"-x -n 0 --tb=line -rfE -W ignore::pytest.PytestAssertRewriteWarning -m".split(),
                     "not slow",
-                    *one.tests,
+                    *tests,
                 ]
             )
         )
@@ -186,14 +192,14 @@ def _tested(one: Mutation, tree: Path, said: Path) -> int:
         raise
 
 
-def run(one: Mutation, tree: Path) -> str:
-    """Run the tests beside a mutation, in a process that has imported the libraries, and return which one caught it."""
+def run(tests: tuple[str, ...], tree: Path) -> str:
+    """Run tests in a process that has imported the libraries, and return which one failed, if any."""
     said = tree / "said.txt"
     child = os.fork()
     if not child:
         code = 3
         with contextlib.suppress(BaseException):
-            code = _tested(one, tree, said)
+            code = _tested(tests, tree, said)
         os._exit(code)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     with contextlib.suppress(ProcessLookupError):  # what a test has left behind
@@ -222,14 +228,18 @@ def main() -> None:
             elif path.name != ".git":
                 (tree / path.name).symlink_to(path)
         caught = run_all = 0
+        sound: dict[str, bool] = {}  # whether a test passes without any mutation
         for number, one in enumerate(drawn, 1):
             if number in words.leave_out or (words.only and number not in words.only):
                 continue
             before = (ROOT / one.file).read_bytes()
             after = apply(one, tree)
             old = before[one.start : one.end].decode().splitlines()[0]
-            result = "" if words.list else run(one, tree)
+            result = "" if words.list else run(one.tests, tree)
             (tree / one.file).write_bytes(before)
+            by = result.removeprefix("caught by ")
+            if by != result and not sound.setdefault(by, not run((by,), tree).startswith("caught")):
+                result = f"NO ANSWER: {by} fails without the mutation too"
             caught, run_all = caught + result.startswith("caught"), run_all + 1
             words_of = f"{one.kind}: {old}  ->  {after}"
             print(number, one.room, f"{one.file}:{one.line}", words_of, result, sep="\t", flush=True)

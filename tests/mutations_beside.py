@@ -4,7 +4,7 @@ PHYSICS_TESTS = {
     "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py "
     "laws/test_never_pushes.py literature/test_force_maps.py",
     "muscles/hysteresis/": "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
-    "muscles/law.py": "laws/test_one_potential.py laws/test_beyond_the_range.py "
+    "muscles/law.py": "muscles/test_pressure_law.py laws/test_one_potential.py laws/test_beyond_the_range.py "
     "laws/test_inverse.py laws/test_limits.py",
     "muscles/braid.py": "laws/test_limits.py muscles/test_sleeve.py",
     "muscles/bladder.py": "laws/test_limits.py laws/test_inverse.py laws/test_one_potential.py",
@@ -31,7 +31,7 @@ PHYSICS_TESTS = {
     "assembly/accounts.py": "bench/test_energy_of_runs.py laws/test_exergy.py laws/test_machines.py",
     "assembly/loads/": "laws/test_link_chain.py laws/test_machines.py bench/test_joint.py",
     "assembly/linearise.py": "laws/test_linearise.py",
-    "engine/integration.py": "engine/test_soundness.py laws/test_convergence_order.py simulation/test_chosen_steps.py",
+    "engine/integration.py": "laws/test_convergence_order.py engine/test_soundness.py simulation/test_chosen_steps.py",
     "engine/step.py": "laws/test_convergence_order.py",
     "engine/sampled.py": "engine/test_soundness.py simulation/test_chosen_steps.py",
     "engine/soundness.py": "engine/test_soundness.py",
@@ -42,11 +42,13 @@ PHYSICS_TESTS = {
     "simulation/estimator.py": "simulation/test_estimator.py",
     "simulation/stepping.py": "simulation/test_simulation.py simulation/test_operations.py simulation/test_batch.py",
     "simulation/simulation.py": "simulation/test_simulation.py simulation/test_slips.py simulation/test_operations.py",
-    "analysis/loops.py": "analysis/test_loops.py analysis/test_loop_residuals.py",
-    "analysis/steps.py": "analysis/test_steps.py",
-    "analysis/frequency.py": "analysis/test_frequency.py analysis/test_timing.py",
+    "analysis/loops.py": "analysis/test_loops.py analysis/test_loop_residuals.py analysis/test_questions.py "
+    "analysis/test_sampling.py",
+    "analysis/steps.py": "analysis/test_steps.py analysis/test_questions.py",
+    "analysis/frequency.py": "analysis/test_frequency.py analysis/test_timing.py analysis/test_loops.py "
+    "analysis/test_questions.py",
     "analysis/energy/": "analysis/test_energy_cycles.py analysis/test_power.py cli/test_energy_command.py",
-    "analysis/energy_accounts.py": "analysis/test_energy_accounts.py",
+    "analysis/energy_accounts.py": "analysis/test_energy_accounts.py bench/test_energy_of_runs.py",
     "identification/fit.py": "identification/test_ranking.py identification/test_what_data_show.py "
     "identification/test_bad_input.py identification/test_length_spread.py "
     "muscles/test_rest_length.py",
@@ -62,10 +64,12 @@ SOFTWARE_TESTS = {
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
     "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
-    "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py",
-    "recordings/recording.py": "recordings/test_recording.py analysis/test_segments.py",
-    "recordings/calibration.py": "recordings/test_calibration.py",
+    "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py bench/test_sample_loop.py",
+    "recordings/recording.py": "analysis/test_segments.py analysis/test_questions.py recordings/test_tables_of_others.py "
+    "recordings/test_files_of_laboratories.py recordings/test_recording.py",
+    "recordings/calibration.py": "recordings/test_calibration_file.py recordings/test_calibration.py",
     "recordings/force_map.py": "recordings/test_force_map.py recordings/test_tables_of_others.py "
+    "recordings/test_one_file_per_pressure.py recordings/test_files_of_laboratories.py "
     "recordings/test_bad_tables.py",
     "recordings/provenance.py": "recordings/test_differences.py recordings/test_conditions.py "
     "recordings/test_cautions.py",
@@ -76,9 +80,11 @@ SOFTWARE_TESTS = {
     "recordings/test_bad_records.py",
     "formats/text.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
     "recordings/test_bad_records.py recordings/test_files_of_others.py",
-    "formats/table.py": "recordings/test_formats.py recordings/test_bad_tables.py",
+    "formats/table.py": "recordings/test_formats.py recordings/test_bad_tables.py "
+    "recordings/test_files_of_laboratories.py recordings/test_recording.py",
     "formats/store.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py",
-    "formats/exchange.py": "recordings/test_convert.py",
+    "formats/exchange.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
+    "recordings/test_convert.py recordings/test_files_of_others.py",
     "formats/mcap.py": "recordings/test_mcap.py recordings/test_live_log.py",
     "formats/mcap_records.py": "recordings/test_mcap.py",
     "formats/messages.py": "recordings/test_mcap.py",
@@ -87,7 +93,7 @@ SOFTWARE_TESTS = {
     "formats/sidecar.py": "recordings/test_convert.py recordings/test_formats.py recordings/test_recording.py",
     "quantities.py": "test_quantities.py habits/test_values_of_people.py",
     "answers.py": "test_answers.py test_contract_of_verbs.py test_verbs.py",
-    "estimation.py": "test_estimation.py identification/test_ranking.py",
+    "estimation.py": "test_estimation.py identification/test_ranking.py identification/test_bad_input.py",
     "experiments/waveforms/": "experiments/test_waveforms.py experiments/test_protocols.py",
     "experiments/amounts.py": "experiments/test_protocols.py",
     "experiments/protocol.py": "experiments/test_protocols.py",
@@ -96,17 +102,18 @@ GUARDS_TESTS = {
     "bench/software/interlocks.py": "bench/test_interlocks.py bench/test_emergency_stop.py",
     "experiments/dry_run.py": "experiments/test_dry_run.py",
     "muscles/plausible.py": "muscles/test_plausible.py muscles/test_muscle.py simulation/test_slips.py",
-    "muscles/evidence.py": "specimens/test_errors.py specimens/test_between_muscles.py muscles/test_contradiction.py",
-    "muscles/check.py": "muscles/test_check.py muscles/test_check_own_laws.py",
+    "muscles/evidence.py": "muscles/test_sleeve.py specimens/test_errors.py specimens/test_between_muscles.py "
+    "muscles/test_contradiction.py",
+    "muscles/check.py": "muscles/test_check.py muscles/test_check_own_laws.py laws/test_closed_cycles.py",
     "slips.py": "muscles/test_plausible.py simulation/test_slips.py",
     "isolation.py": "recordings/test_outside.py recordings/test_hostile_files.py",
-    "registry.py": "test_registry.py test_code_in_files.py",
+    "registry.py": "test_registry.py test_code_in_files.py cli/test_extras.py",
     "documents.py": "test_documents.py cli/test_full_disk.py",
     "schema.py": "test_schema.py specimens/test_bad_specimens.py",
     "web/guard.py": "browser/test_connections.py browser/test_screen_security.py",
     "web/live.py": "browser/test_connections.py browser/test_workspace.py",
-    "specimens/model.py": "specimens/test_bad_specimens.py",
-    "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py",
+    "specimens/model.py": "specimens/test_bad_specimens.py muscles/test_sleeve.py specimens/test_published_muscles.py",
+    "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py bench/test_session_proxy.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",
-    "errors.py": "test_quantities.py test_schema.py",
+    "errors.py": "test_error_sentences.py test_quantities.py test_schema.py",
 }

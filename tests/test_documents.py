@@ -219,3 +219,22 @@ def test_a_pipe_and_a_folder_are_no_file_and_a_missing_one_is_not_found(tmp_path
         assert said in str(no_file(tmp_path / name))
     with pytest.raises(InputError, match="a pipe, socket or device"):
         read_text(tmp_path / "pipe")
+
+
+def test_what_is_no_path_or_no_text_is_refused_by_its_field(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"a = 1\n\xff\xfe")
+    for path, field, says in (
+        (3, "rig", "rig must be a name or the path of a file, got 3"),
+        (None, "file", "file must be a name or the path of a file, got None"),
+        ("a\0b", "rig", "Rig file not found"),
+        ("a\0b", "file", "File not found"),
+        (tmp_path, "rig", "rig must be a TOML file, got "),
+        (tmp_path / "b.toml", "rig", "Rig file not found: "),
+        (tmp_path / "b.toml", "file", "File not found: "),
+        (tmp_path / "b.toml", "--rig", "File not found: "),
+        (tmp_path / "a.toml" / "c", "rig", "it cannot be read (Not a directory)"),
+        (tmp_path / "a.toml", "rig", "a.toml: rig must be TOML in UTF-8"),
+    ):
+        with pytest.raises(InputError) as refused:
+            read_text(path, field=field)
+        assert says in str(refused.value)

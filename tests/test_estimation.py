@@ -80,6 +80,15 @@ def test_an_interval_within_the_bounds_ends_on_the_bound_itself() -> None:
     assert at_bounds(parameters, best.x) == ("share",)
 
 
+@pytest.mark.parametrize("place", [0.0, 1.0])
+def test_a_parameter_is_on_either_of_its_bounds_to_rounding_or_to_a_share_of_its_range(place) -> None:
+    parameters = {"a": Parameter(0.5, 0.0, 1.0, "1"), "b": Parameter(0.5, 0.0, 1.0, "1")}
+    inward = 1.0 - 2.0 * place
+    assert at_bounds(parameters, np.array([place + 0.9e-6 * inward, 0.5])) == ("a",)
+    assert at_bounds(parameters, np.array([0.5, place + 1.1e-6 * inward])) == ()
+    assert at_bounds(parameters, np.array([place + 0.019 * inward, place + 0.021 * inward]), share=0.02) == ("a",)
+
+
 def test_a_parameter_that_no_sample_shows_is_refused_by_its_name() -> None:
     best = descend(lambda x: x[:1] - 1.0, np.zeros(2))
     parameters = {"seen": Parameter(0.0, -5.0, 5.0, "1"), "hidden": Parameter(0.0, -5.0, 5.0, "1")}

@@ -94,3 +94,10 @@ def test_a_class_in_place_of_a_stated_one_counts_for_that_file_alone(tmp_path, m
     assert laws[laws.stated_as(Law, ["canary.py:Law"])] is Law
     monkeypatch.chdir(tmp_path / "second")
     assert laws["canary.py:Law"].title == "second"
+
+
+def test_sources_of_a_package_that_joins_are_watched_as_the_own_ones(monkeypatch):
+    monkeypatch.setattr(registry, "WATCHED", set(registry.WATCHED))
+    assert "mckibben" in registry.WATCHED and "mckibben_new" not in registry.WATCHED
+    registry.join("mckibben_new")
+    assert "mckibben_new" in registry.WATCHED

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mckibben.analysis.frequency import frequency_response, sine_response
+from mckibben.analysis.frequency import frequency_response, linear_response, sine_response
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording
 
@@ -128,3 +128,19 @@ def test_records_without_a_response_are_refused():
             sine_response(run(x, x), wrong, **CHANNELS)
     with pytest.raises(InputError, match="tank"):
         sine_response(run(x, x), [1.0], source="tank", response="muscle.pressure")
+
+
+def test_the_response_of_a_linear_model_is_its_transfer_function_with_a_phase_that_goes_on():
+    """Three lags and a dead time turn by more than half a turn, at which an angle alone would jump."""
+
+    class Model:
+        def response(self, source, target, frequencies):
+            assert (source, target) == ("valve", "force")
+            return transfer(frequencies) ** 3
+
+    at = np.geomspace(0.1, 60.0, 200)
+    found = linear_response(Model(), "valve", "force", at)
+    np.testing.assert_allclose(found.complex, transfer(at) ** 3, rtol=1e-12)  # rounding
+    turned = -3.0 * (2.0 * np.pi * at * DEAD + np.arctan(at / CUTOFF))
+    np.testing.assert_allclose(found.phase, turned, rtol=1e-12)
+    assert np.all(found.coherence == 1.0) and found.segments == 0  # nothing was measured

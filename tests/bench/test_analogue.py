@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mckibben.bench.hardware import AnalogOut, Converter, Sensor
+from mckibben.bench.hardware import AnalogOut, Converter, Encoder, Sensor
+from mckibben.bench.hardware.converters import Converters
 from mckibben.errors import InputError
 
 SPANS = [(0.0, 6.8e5), (-264.0, 264.0), (-10.0, 110.0)]
@@ -200,3 +201,41 @@ def test_a_range_upside_down_is_refused():
             make()
     with pytest.raises(InputError, match="high must be more than low"):
         Sensor(converter=Converter(low=0.0, high=1.0), low=2.0, high=1.0)
+
+
+def wired(**fields):
+    analog = {"tension": Converter(bits=8, low=0.0, high=100.0), "pressure": Converter(bits=12, low=0.0, high=1e6)}
+    valve, motor = AnalogOut(bits=8, low=0.0, high=1e6), AnalogOut(bits=8, low=-264.0, high=264.0)
+    whole = {"analog": analog, "encoder": Encoder(pulley_radius=0.02), "valve": valve, "motor": motor, "mounted": 0.14}
+    return Converters(**whole | {"gain": {}, "zero": {}} | fields)
+
+
+def test_measured_channels_are_their_counts_with_the_calibration_of_those_that_have_one():
+    counts = {"tension": 51.0, "pressure": 2048.0, "span": -100.0}
+    travel = -100.0 * 2.0 * np.pi * 0.02 / 6400.0
+    plain = wired().read(counts)
+    assert plain == {"tension": 51.0 * 100.0 / 256.0, "pressure": 5e5, "span": pytest.approx(0.14 + travel)}
+    stated = wired(gain={"tension": 1.1, "span": 1.01}, zero={"tension": 3.0, "span": 1e-4}).read(counts)
+    assert stated["pressure"] == plain["pressure"]
+    assert float(stated["tension"]) == pytest.approx(1.1 * (plain["tension"] - 3.0))
+    assert float(stated["span"]) == pytest.approx(0.14 + 1.01 * (travel - 1e-4))
+    assert set(wired().read({"pressure": 0.0})) == {"pressure"}
+    assert set(wired(encoder=None).read(counts)) == {"tension", "pressure"}
+    assert wired().names == ("pressure", "tension")
+
+
+@pytest.mark.parametrize("opened", [0.0, 0.5, 0.6, 1.0])
+def test_commands_are_held_at_their_counts_and_a_motor_without_converter_gets_them_as_they_are(opened):
+    commands = {"valve": 3.21e5, "motor": -17.3, "open": opened}
+    for motor, near in ((wired().motor, 0.5 * 528.0 / 256.0), (None, 0.0)):
+        machine = wired(motor=motor)
+        held = machine.held(machine.write(commands))
+        assert float(held["valve"]) == pytest.approx(3.21e5, abs=0.5 * 1e6 / 256.0)
+        assert float(held["motor"]) == pytest.approx(-17.3, abs=near)
+        assert float(held["open"]) == float(opened > 0.5)
+
+
+def test_a_range_that_does_not_rise_is_refused_in_arrays_too():
+    for high in (1.0, np.float64(1.0), np.array([2.0, 1.0])):
+        with pytest.raises(InputError, match="high must be more than low, 1"):
+            Converter(bits=8, low=np.float64(1.0) if np.ndim(high) == 0 else np.array([1.0, 1.0]), high=high)

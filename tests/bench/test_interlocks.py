@@ -283,3 +283,17 @@ def test_a_muscle_that_is_shut_off_may_lose_its_pressure(how, trip) -> None:
         state, _, shown = step(state, {**seen, "pressure": 3e5 if k < 20 else 0.0}, {}, DT)
         codes.append(int(shown["code"]))
     assert set(codes[:60]) == {Trip.NOTHING} and codes[-1] == trip
+
+
+def test_a_sensor_that_leaves_its_limits_is_said_with_the_limit_and_the_first_one_alone() -> None:
+    lock = locks(sensors={"valve_pressure": (1e4, 8e5), "tension": (-5.0, 90.0)})
+    for measured, words in (
+        ({"valve_pressure": 9e5, "tension": 100.0}, "the valve pressure is 9 bar; it must be 8 bar or less"),
+        ({"valve_pressure": 0.0, "tension": 100.0}, "the valve pressure is 0 bar; it must be 0.1 bar or more"),
+        ({"valve_pressure": 8e5, "tension": 100.0}, "the tension is 100 N; it must be 90 N or less"),
+        ({"valve_pressure": np.nan}, "the valve pressure sensor reads no number"),
+        ({"tension": -6.0}, "the tension is -6 N; it must be -5 N or more"),
+        ({"tension": 0.0}, "a sensor is out of its limits"),
+    ):
+        said = lock.reason(int(Trip.OUT_OF_LIMITS), measured, 1.25)
+        assert said.startswith(f"out of limits at 1.25 s: {words}; ")

@@ -1,16 +1,19 @@
 """Rigs as files: what ships is read, everything wrong is named by its path, and limits follow from the parts."""
 
 import copy
+import dataclasses
 import tomllib
 from importlib import resources
 
 import pytest
 
 import mckibben as mk
+from mckibben.assembly.build import rig_cord, unit_from_specimen
 from mckibben.bench.rig_file import read_rig, rig, rig_names
 from mckibben.bench.software.interlocks import Trip
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol
+from mckibben.recordings.calibration import Calibration, Correction
 
 
 def document():
@@ -168,3 +171,27 @@ def test_an_accumulator_adds_its_volume_to_the_node_it_is_screwed_to():
         )
         assert "accumulators" in full.parts() and "accumulators" not in bare.replace(muscle_accumulator=0.0).parts()
         assert full.signals() == (("valve",) if full.shut_off is None else ("valve", "open"))
+
+
+def test_a_machine_holds_the_muscle_where_its_plumbing_has_one_and_an_accumulator_where_it_has_none():
+    paper, unit = rig("paper"), unit_from_specimen("nylon", tendon=rig_cord())
+    for name, plumbing in paper.plumbing.items():
+        machine = paper.machine(name, unit, start=0.14, moves=True)
+        assert list(machine.units) == (["muscle"] if plumbing.has_muscle else [])
+        assert (plumbing.tested in machine.circuit.nodes) and list(machine.load.held) == list(machine.units)
+    assert {p.has_muscle for p in paper.plumbing.values()} == {True, False}
+    assert list(paper.machine("3 in3", None, start=0.14, moves=False).units) == []
+
+
+def test_a_plumbing_is_the_named_one_and_a_calibration_is_of_the_rig_and_of_channels_that_it_measures():
+    paper, plain = rig("paper"), protocol("isometric-step")
+    assert paper.layout(plain, "3 in3") == "3 in3" and paper.plumbing[paper.layout(plain)].has_muscle
+    with pytest.raises(InputError, match="Unknown plumbing '3 in'. Did you mean '3 in3'"):
+        paper.layout(plain, "3 in")
+    assert paper.calibrated(None) is paper
+    stated = Calibration(rig="paper", created="2026-01-01T00:00:00+00:00")
+    assert paper.calibrated(stated).calibration is stated
+    with pytest.raises(InputError, match="the calibration has to be of the rig paper"):
+        paper.calibrated(dataclasses.replace(stated, rig="modern"))
+    with pytest.raises(InputError, match="The rig measures pressure"):
+        paper.calibrated(dataclasses.replace(stated, corrections={"colour": Correction(unit="Pa", terms={})}))

@@ -123,6 +123,8 @@ def test_any_law_with_a_volume_works(run):
         (("--law", "ideal", "--volume", "paper"), "eq. 38b"),
         (("--law", "ideal", "--accumulator"), "no threshold pressure"),
         (("--law", "sarosi"), "nylon states"),
+        (("--law", " "), "Nylon states"),
+        (("--stretched", "15 cm", "--contraction", "2 %"), "only without a stretched length"),
         (("--friction", "-1 N"), "not negative"),
         (("--friction", "1 N", "--no-friction"), "--no-friction"),
         (("--accumulator-pressure", "6 bar"), "exchange_pressure"),

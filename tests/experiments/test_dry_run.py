@@ -7,7 +7,7 @@ import pytest
 
 from mckibben.errors import InputError
 from mckibben.experiments.commands import PARTS
-from mckibben.experiments.dry_run import Limits, check, dry_run
+from mckibben.experiments.dry_run import Limits, _rests, check, check_lengths, dry_run
 from mckibben.experiments.read import parse_protocol, protocol, protocol_names
 
 EVERYTHING = frozenset((*PARTS, "pressure sensor", "span sensor", "tension sensor"))
@@ -215,3 +215,57 @@ def test_a_speed_from_an_unknown_start_is_refused():
     (finding,) = found(made(text))
     assert finding.field == "steps.2.span.at"
     assert "not known in advance" in finding.allowed
+
+
+def test_a_length_that_no_span_of_the_rig_has_is_refused_by_its_parameter_whatever_it_is_for():
+    text = '[[steps]]\nspan = "$a"\nfor = "$t"\n[parameters.t]\nunit = "s"\nvalue = "9 s"\n'
+    text += '[parameters.a]\nunit = "m"\nvalue = VALUE\n'
+    longest = RIG.span[1] / L0
+    for value in ('"15.6 cm"', f'["0.9 L0", "{0.999999 * longest!r} L0"]', '"-15.6 cm"'):
+        check_lengths(made(text.replace("VALUE", value)), RIG, L0)
+    for value in ('"15.7 cm"', f'["0.9 L0", "{1.00001 * longest!r} L0"]', '"-15.7 cm"'):
+        with pytest.raises(InputError, match=r"a is .*: a length is at most 15\.6 cm, the longest span of the rig"):
+            check_lengths(made(text.replace("VALUE", value)), RIG, L0)
+
+
+@pytest.mark.parametrize(
+    ("step", "until", "bound"),
+    [
+        # the motor goes down by 0.2 L0/s, or up; at rest it is before it goes
+        ('span = { to = "0.9 L0", at = "0.2 L0/s" }', "velocity <= {} L0/s", -0.2),
+        ('span = { to = "1.1 L0", at = "0.2 L0/s" }', "velocity >= {} L0/s", 0.2),
+        ('span = { to = "1.1 L0", at = "0.2 L0/s" }', "velocity <= {} L0/s", 0.0),
+        ('velocity = "-0.3 L0/s"', "velocity <= {} L0/s", -0.3),
+        ('velocity = "-0.3 L0/s"', "velocity >= {} L0/s", 0.0),
+        ('pressure = { to = "4 bar", in = "0.5 s" }', "pressure >= {} bar", 4.0),
+        ('pressure = { to = "4 bar", in = "0.5 s" }', "pressure <= {} bar", 3.0),  # where the step before has left it
+        ('pressure = { to = "2 bar", in = "0.5 s" }', "pressure <= {} bar", 2.0),
+    ],
+)
+def test_a_condition_may_come_true_up_to_what_is_driven_and_not_beyond(step, until, bound):
+    side = 1.0 if ">=" in until else -1.0
+
+    def never(value):
+        text = f'{HOLD}{step}\nuntil = "{until.format(repr(value))}"\nfor = "1 s"'
+        return [f for f in found(made(text)) if f.field == "until"]
+
+    assert never(bound) == []
+    (finding,) = never(bound + 0.001 * side)
+    assert "cannot happen" in finding.sentence
+
+
+@pytest.mark.parametrize(
+    ("values", "share", "rests"),
+    [
+        ([0.0] * 10, 1.0, True),
+        ([0.0] * 6 + [5.0] * 4, 0.6, True),
+        ([0.0] * 6 + [5.0] * 4, 0.7, False),
+        ([0.0, 1.9] * 5, 1.0, True),  # within 1 on either side
+        ([0.0, 2.1] * 5, 0.2, False),
+        ([0.0, 2.1] * 5, 0.1, True),  # one sample is always at rest
+        (np.repeat(np.arange(20000.0), 3), 0.9, False),  # of many samples some are looked at
+        (np.r_[np.arange(30000.0), np.zeros(30001)], 0.5, True),
+    ],
+)
+def test_a_set_point_rests_if_it_stays_in_the_band_for_the_share_of_the_step(values, share, rests):
+    assert _rests(np.asarray(values), 1.0, share) is rests

@@ -430,6 +430,31 @@ BAD = {
         + 'pressure={shortening="3 bar",lengthening="1 bar",ramp="600 ms"}}]',
         "steps.1.pressure.ramp",
     ),
+    "choice without a value": (HEAD + 'steps = [{for = "1 s"}]\n[choices.c.options.a]', "choices.c.value"),
+    "value that is no option": (
+        HEAD + 'steps = [{for = "1 s"}]\n[choices.c]\nvalue = "b"\n[choices.c.options.aa]', "choices.c.value",
+    ),
+    "inferred that is no option": (
+        HEAD + 'steps = [{for = "1 s"}]\n[choices.c]\nvalue = "a"\ninferred = "b"\n[choices.c.options.a]',
+        "choices.c.inferred",
+    ),
+    "option that is no word": (
+        HEAD + 'steps = [{for = "1 s"}]\n[choices.c]\nvalue = 1\n[choices.c.options.a]', "choices.c.value",
+    ),
+    "options of nothing": (HEAD + 'steps = [{for = "1 s"}]\n[choices.c]\nvalue = "a"\noptions = {}', "c.options"),
+    "set to a list": (
+        HEAD + 'steps = [{for = "1 s"}]\n[choices.c]\nvalue = "a"\noptions.a.x = [1]', "choices.c.options.a.x",
+    ),
+    "one bound": (HEAD + 'steps = [{for = "$a"}]\n[parameters.a]\nunit = "s"\nvalue = "1 s"\nlow = "1 s"', "a.low"),
+    "bound of another kind": (
+        HEAD + 'steps = [{for = "$a"}]\n[parameters.a]\nunit = "s"\nvalue = "1 s"\nlow = "1 m"\nhigh = "2 s"', "a.low",
+    ),
+    "inferred out of bounds": (
+        HEAD + 'steps = [{for = "$a"}]\n[parameters.a]\nunit = "s"\nvalue = "1 s"\nlow = "1 s"\nhigh = "2 s"\n'
+        'inferred = "3 s"',
+        "parameters.a.inferred",
+    ),
+    "name of capitals": (HEAD + 'steps = [{for = "$A"}]\n[parameters.A]\nunit = "s"\nvalue = "1 s"', "parameters.A"),
     "unknown protocol": ('protocol = "quasistatic"', "Did you mean 'quasi-static'"),
     "unknown value": ('protocol = "quasi-static"\npresure = "1 bar"', "Did you mean 'pressure'"),
     "value out of bounds": ('protocol = "quasi-static"\nfrequency = "0 Hz"', "frequency"),
@@ -437,6 +462,10 @@ BAD = {
     "option": ('protocol = "quasi-static"\nrange = "tiny"', "range"),
     "order": ('protocol = "quasi-static"\norder = "backwards"', "order"),
     "seed": ('protocol = "quasi-static"\nseed = -1', "seed"),
+    "control of nothing": ('protocol = "quasi-static"\ncontrol.presure.ki = 1', "Did you mean 'pressure'"),
+    "control without a table": ('protocol = "quasi-static"\ncontrol.pressure = 1', "control.pressure"),
+    "need of nothing": (HEAD + 'needs = ["moto"]\nsteps = [{for = "1 s"}]', "Did you mean 'motor'"),
+    "needs no list": (HEAD + 'needs = "motor"\nsteps = [{for = "1 s"}]', "needs"),
     "cases": ('protocol = "quasi-static"\nrepeat = 10000', "cases"),
     "last with many values": (
         HEAD + 'steps = [{pressure="$a", for="1 s"}]\nlast = [{pressure="$a", for="1 s"}]\n[parameters.a]\nunit = "Pa"\n'

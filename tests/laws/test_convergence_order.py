@@ -158,6 +158,64 @@ def test_a_state_that_is_not_finite_is_reported():
         integrate(Pendulum(), START | {"x": jnp.asarray(np.nan)}, DRIVE, period=PERIOD, method="rk4")
 
 
+class Bounded(Pendulum):
+    """A pendulum that cannot be beyond one place, and breaks beyond another."""
+
+    furthest: float
+    strength: float
+
+    def admissible(self, state):
+        return state["x"] > -self.furthest
+
+    def broken(self, outputs):
+        return outputs["x"] < -self.strength
+
+
+@pytest.mark.parametrize(
+    ("system", "result", "says"),
+    [
+        (Bounded(9.0, 9.0), Result.DONE, "reached its end"),
+        (Bounded(0.3, 9.0), Result.IMPOSSIBLE, "The step of 0.001 s is too long for it"),
+        (Bounded(9.0, 0.3), Result.BROKEN, "threads"),
+        (Bounded(0.3, 0.3), Result.IMPOSSIBLE, "beyond what the physics allows"),
+    ],
+)
+def test_a_run_through_what_cannot_be_or_breaks_ends_with_its_code(system, result, says):
+    """From 0.5 it swings to -0.4 or further within a sixth of its time."""
+    run = integrate(system, START, DRIVE, period=PERIOD, step_size=1e-3, method="rk4", raises=False)
+    assert run.result is result and says in run.message
+    assert run.outputs["x"].min() < -0.3
+
+
+def test_a_stable_step_that_is_too_coarse_is_reported_with_one_that_is_not():
+    rough = 4.0 * PERIOD  # 0.8 of a radian of its motion
+    coarse = integrate(Pendulum(), START, DRIVE, period=rough, step_size=rough, method="ros2", raises=False)
+    assert (
+        coarse.result is Result.TOO_COARSE
+        and "x changes by" in coarse.message
+        and "instead of 0.04 s" in coarse.message
+    )
+    stated = float(coarse.message.rpartition("; try ")[2].split()[0])
+    fine = integrate(Pendulum(), START, DRIVE, period=rough, step_size=stated, method="ros2")
+    assert fine.result is Result.DONE and fine.step <= stated < rough
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"step_size": 0.0}, "step_size must be a time above 0 s"),
+        ({"step_size": np.inf}, "step_size"),
+        ({"period": np.inf}, "period must be a time above 0 s"),
+        ({"method": "rk5"}, "Unknown method 'rk5'. Did you mean 'rk4'?"),
+        ({"signals": {"drive": held(np.ones(3)), "more": held(np.ones(4))}}, "equal lengths"),
+    ],
+)
+def test_options_of_a_run_that_cannot_be_are_refused_by_name(options, says):
+    with pytest.raises(InputError) as refused:
+        integrate(Pendulum(), START, **{"signals": DRIVE, "period": PERIOD} | options)
+    assert says in str(refused.value)
+
+
 @pytest.mark.parametrize(
     ("signals", "period", "says"),
     [({}, 1e-3, "signals"), ({"drive": held([1.0])}, 1e-3, "signals"), ({"drive": held(np.ones(3))}, 0.0, "period")],

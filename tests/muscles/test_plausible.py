@@ -9,6 +9,7 @@ from mckibben.errors import InputError
 from mckibben.muscles import plausible
 from mckibben.quantities import usual_units, with_unit
 from mckibben.slips import USUAL_SIZES, likely_unit, size_caution
+from mckibben.specimens import Specimen, SpecimenNumber
 
 NYLON = mk.muscle("nylon")
 LONGEST = 0.2
@@ -122,3 +123,54 @@ def test_what_a_run_reached_is_said_of_its_extremes():
     (said,) = plausible.reached_cautions([low, high], [0.0, 2.0 * pressure, 1e5], MEASURED.specimen, "a")
     assert said.parameter == "pressure of a"
     assert plausible.reached_cautions([1e-3, 9.0], [1e5], None, "a") == ()
+
+
+def test_a_free_length_is_judged_beside_the_measured_lengths_the_shortest_first():
+    class Law:
+        def free_length(self, pressure):
+            return 0.22 - 1e-7 * pressure
+
+    low = measured("shortest_measured_length")
+    far = (0.22 - 0.97 * low) / 1e-7  # the pressure that leaves it shorter than any that was measured
+    assert plausible.free_length_caution(Law(), [far], None) is None
+    assert plausible.free_length_caution(Law(), [0.0, 1e5], MEASURED.specimen) is None
+    said = plausible.free_length_caution(Law(), [0.0, far], MEASURED.specimen)
+    assert said.parameter == "free length" and with_unit(0.97 * low, "m") in str(said)
+
+
+def test_a_muscle_is_mounted_where_it_is_taut_at_working_pressures_and_within_what_was_measured():
+    class Law:
+        """Free lengths at half the usual pressure, whatever it is."""
+
+        def __init__(self, free):
+            self.free = free
+
+        def free_length(self, pressure):
+            assert pressure == 0.5 * plausible.USUAL_PRESSURE
+            return self.free
+
+    # at nine tenths, if it is 5 % longer there than when it is free; else halfway from there to its rest length, or at that
+    for free, span in ((0.7, 0.9), (0.8499, 0.9), (0.8501, 0.92505), (0.96, 0.98), (1.2, 1.0)):
+        assert plausible.working_span(Law(free), 1.0) == pytest.approx(span, rel=1e-12)
+    low, high = measured("shortest_measured_length"), measured("longest_measured_length")
+    for rest, span in ((0.5 * low, low), (2.0 * high, high)):
+        assert plausible.working_span(MEASURED.law, rest, MEASURED.specimen) == span
+
+
+@pytest.mark.parametrize(
+    ("stated", "usual", "quiet"),
+    [
+        ({}, 5e5, 10e5),
+        ({"rated_pressure": 3.0}, 3e5, 3e5),
+        ({"burst_pressure": 4.0}, 4e5, 4e5),
+        ({"burst_pressure": 4.0, "rated_pressure": 6.0}, 5e5, 6e5),  # what it is rated for comes first
+        ({"highest_measured_pressure": 2.0}, 2e5, 2.04e5),
+        ({"highest_measured_pressure": 4.0, "rated_pressure": 3.0}, 3e5, 3e5),
+        ({"highest_measured_pressure": 8.0}, 5e5, 8.16e5),
+    ],
+)
+def test_a_muscle_is_computed_at_5_bar_or_at_what_it_is_rated_or_measured_for_if_that_is_less(stated, usual, quiet):
+    numbers = {name: SpecimenNumber(value=value, unit="bar") for name, value in stated.items()}
+    spec = Specimen(**{**vars(NYLON.specimen), "properties": numbers})
+    assert plausible.usual_pressure(spec) == pytest.approx(usual)
+    assert plausible.highest_usual_pressure(spec) == pytest.approx(quiet)

@@ -1,5 +1,7 @@
 """A muscle cut to another length: one number is enough, and what it cannot do it refuses or says."""
 
+import dataclasses
+import functools
 import json
 import warnings
 
@@ -12,7 +14,7 @@ from mckibben.cli.app import main
 from mckibben.cli.run import prepared
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.experiments.read import shipped
-from mckibben.identification.fit import fit
+from mckibben.identification.fit import evaluate, fit
 from mckibben.muscles.build import at_rest_length, law_from_specimen
 from mckibben.muscles.laws import LAWS
 from mckibben.recordings import ForceMap
@@ -178,17 +180,46 @@ def test_the_command_takes_one_number(capsys):
     assert answer["free_length"] < 0.14 and answer["volume"] > 0.0
 
 
-def test_a_law_fitted_to_one_length_is_cut_with_it():
+@functools.cache
+def fitted_nylon():
+    """Points on the nylon muscle's law, and a fit to them."""
     nylon = law_from_specimen(specimen("nylon"))
     length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.115, 0.15, 6), np.linspace(2e5, 5e5, 4)))
     points = ForceMap(
         "own", length, pressure, np.asarray(nylon.tension(length, pressure)), rest_length=np.full(24, 0.14)
     )
     known = {"upper_length": 0.154, "threshold_width": 0.85e5, "stop_stiffness": 3e7}
-    found = fit("linear_threshold", points, known=known, schemes=())
+    return points, fit("linear_threshold", points, known=known, schemes=())
+
+
+def test_a_law_fitted_to_one_length_is_cut_with_it():
+    points, found = fitted_nylon()
+    length, pressure = points.length, points.pressure
     half = found.build(rest_length=0.07)
     expected = np.asarray(found.build().tension(length, pressure))
     assert np.asarray(half.tension(0.5 * length, pressure)) == pytest.approx(expected, rel=1e-9)
     assert float(found.predict(0.06, 3e5, rest_length=0.07).tension) == pytest.approx(float(half.tension(0.06, 3e5)))
     with pytest.raises(InputError, match="coefficients of sarosi are of one length"):
         fit("sarosi", points, known={"upper_length": 0.154}, schemes=()).build(rest_length=0.07)
+
+
+def test_of_measured_lengths_another_is_used_as_far_in_proportion_and_only_what_is_one_number_is_told_as_one():
+    _, found = fitted_nylon()
+    lengths = {"rest_length": np.array([0.13, 0.15]), "upper_length": np.array([0.143, 0.172])}
+    several = dataclasses.replace(found, known=found.known | lengths)
+    assert float(several.build(rest_length=0.14).upper_length) == pytest.approx(0.14 * 0.172 / 0.15)
+    assert float(several.build().upper_length) == 0.172
+    assert float(several.build(rest_length=0.14, shortest_length=0.09).shortest_length) == 0.09
+    told = several.to_dict()["known"]
+    assert told["rest_length"] is told["upper_length"] is None and told["threshold_width"] == 0.85e5
+    alike = dataclasses.replace(found, known=found.known | {"rest_length": np.full(3, 0.14)})
+    assert alike.to_dict()["known"]["rest_length"] == 0.14
+
+
+def test_the_error_of_a_law_is_what_it_says_less_what_was_measured_where_the_muscle_was_taut():
+    points, _ = fitted_nylon()
+    nylon = law_from_specimen(specimen("nylon"))
+    slack = points.tension <= 0.0
+    assert np.array_equal(evaluate(nylon, points), np.zeros(np.count_nonzero(~slack)))
+    stronger = ForceMap("own", points.length, points.pressure, points.tension + np.where(slack, 0.0, 1.5))
+    assert evaluate(nylon, stronger) == pytest.approx(np.full(np.count_nonzero(~slack), -1.5))

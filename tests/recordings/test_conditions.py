@@ -1,9 +1,15 @@
 """What tells recordings apart, and the sheets and topics of a file."""
 
+import datetime
+import sys
+
+import jax
 import numpy as np
 import pytest
 
+import mckibben
 from mckibben.formats.registry import part_options, parts_of
+from mckibben.recordings import provenance
 from mckibben.recordings.provenance import conditions, differing_conditions, told_apart
 
 
@@ -54,3 +60,27 @@ def test_a_file_that_cannot_be_read_has_no_parts(tmp_path):
     broken.write_bytes(b"no book")
     assert parts_of(broken) == ("", [])
     assert parts_of(tmp_path / "table.csv") == ("", [])
+
+
+def test_a_recording_is_of_now_in_utc_and_of_these_versions():
+    before = datetime.datetime.now(datetime.UTC)
+    stated = datetime.datetime.fromisoformat(provenance.created())
+    assert stated.utcoffset() == datetime.timedelta(0) and abs(stated - before) < datetime.timedelta(seconds=60)
+    assert stated.microsecond == 0
+    assert provenance.versions() == {
+        "mckibben": mckibben.__version__, "jax": jax.__version__, "python": sys.version.split()[0],
+    }  # fmt: skip
+
+
+def test_numbers_of_a_machine_have_their_unit_and_what_is_no_number_is_none():
+    numbers = {
+        "a": (0.5, "m"),
+        "b": (0.123456, "1"),
+        "c": (3.0, ""),
+        "d": ("x", "m"),
+        "e": (True, "1"),
+        "f": (2.0, "xx"),
+    }
+    stated = {name: {"value": value, "unit": unit} for name, (value, unit) in numbers.items()}
+    told = {"a": "50 cm", "b": "0.1235", "c": "3", "f": "2 xx"}
+    assert provenance.machine_numbers({"parameters": stated | {"g": 3.0}}) == told

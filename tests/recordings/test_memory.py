@@ -12,6 +12,34 @@ from mckibben.recordings import memory
 CIRCUITS = Path(__file__).parents[2] / "examples" / "circuits"
 
 
+FREE = memory.free_memory
+
+
+def test_free_memory_is_what_the_system_says_or_else_a_stated_guess(monkeypatch):
+    class File:
+        """What the system tells."""
+
+        text = "MemTotal: 9 kB\nMemAvailable: 2000 kB\n"
+
+        def __init__(self, path):
+            assert path == "/proc/meminfo"
+
+        def read_text(self, encoding):
+            return self.text
+
+    monkeypatch.setattr(memory, "Path", File)
+    assert FREE() == 2000 * 1024.0
+    monkeypatch.setattr(File, "text", "MemTotal: 9 kB\n")
+    monkeypatch.setattr(memory.os, "sysconf", {"SC_AVPHYS_PAGES": 300, "SC_PAGE_SIZE": 4096}.__getitem__)
+    assert FREE() == 300 * 4096.0
+
+    def unknown(name):
+        raise ValueError
+
+    monkeypatch.setattr(memory.os, "sysconf", unknown)
+    assert FREE() == memory.UNKNOWN
+
+
 @pytest.fixture(autouse=True)
 def one_gigabyte(monkeypatch):
     monkeypatch.setattr(memory, "free_memory", lambda: 1e9)

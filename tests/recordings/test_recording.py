@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_record, read_recording
+from mckibben.recordings.files import select_between
 from mckibben.recordings.recording import KINDS
 
 SUFFIXES = (".nc", ".csv")
@@ -287,6 +288,14 @@ def test_select_includes_its_ends_whatever_their_last_digit() -> None:
     for start, end in ((0.31, 0.39), (2.0, 3.0), (0.5, 0.2), (math.nan, 1.0)):
         with pytest.raises(InputError, match="holds no sample"):
             rec.select(start, end)
+
+
+def test_a_stretch_may_have_one_end_and_one_without_samples_is_refused_with_both() -> None:
+    rec = Recording(np.arange(11) * 0.1, {})
+    assert select_between(rec, None, None) is rec
+    assert len(select_between(rec, 0.3, None)) == 8 and len(select_between(rec, None, "0.25")) == 3
+    with pytest.raises(InputError, match="start.*end.*holds no sample"):
+        select_between(rec, 2.0, None)
 
 
 def test_period_and_duration_are_those_of_the_clock() -> None:
