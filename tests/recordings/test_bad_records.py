@@ -368,7 +368,7 @@ def test_a_column_whose_unit_is_not_known_and_that_nobody_asks_for_is_left_out_a
 def test_a_column_without_a_unit_is_refused(tmp_path: Path, header: str) -> None:
     said = refusal(write(tmp_path / "bare.csv", header))
     assert "has no unit" in said
-    assert "or say it" in said  # the way out
+    assert "or state it" in said  # the way out
 
 
 def test_a_time_in_bar_is_refused(tmp_path: Path) -> None:

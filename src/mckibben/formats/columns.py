@@ -254,6 +254,8 @@ def assemble(
     stamps = sources.pop("time", None)
     time, start, wrap = times_of(stamps, numbers.pop("time", None), table, clock, words, period, where)
     label = "time" if stamps is None else foreign[stamps.at].label
+    if stamps is not None and table.rows is not None and not (words.get("time") or is_date(foreign[stamps.at].values)):
+        remarks.append(f"{label} has no unit and is taken as seconds")
     # Of rows that stand twice, all channels have their numbers twice.
     alike = np.r_[False, np.all([v[1:] == v[:-1] for v in numbers.values()], axis=0)] if numbers else None
     mended = mend_clock(time, label, wrap, alike, table, strict, where)
@@ -572,11 +574,10 @@ def _channel(
     if unit is None and foreign.values.dtype.kind == "b":
         unit = "1"
     if unit is None:
-        if table.rows is None:
-            field, problem = f"unit of {name} ({foreign.label})", "say it: bar, kPa, N, mm, V, 1, .."
-        else:
-            field, problem = f"unit of {name}", f"write it into the header, such as '{name} [kPa]', or say it"
-        raise InputError(field, None, f"has no unit: {problem}", where=where, remedy=f"unit {name}")
+        problem = "has no unit: state one, such as bar, N, mm or V, or 1 where it is a plain number"
+        if table.rows is not None:
+            problem = f"has no unit: write it into the header, such as '{name} [kPa]', or state it"
+        raise InputError(name, None, problem, where=where, remedy=f"unit {name}")
     si, factor, offset = si_of(unit, field=f"unit of {name} ({foreign.label})", where=where)
     if factor != 1.0 or offset:
         values = values * factor + offset

@@ -419,10 +419,10 @@ def _decimal_mark(columns: Sequence[tuple[Sequence[str], str]], rows: Sequence[i
     if len(only) == 2:
         odd, usual = (only[mark] for mark in sorted(only, key=lambda mark: count[mark]))
         other = "" if usual.column == odd.column else f" of {usual.column}"
-        demand = "a file must not have both decimal points and decimal commas"
+        demand = "a file is read with one decimal mark: write all its numbers with a point, or all with a comma"
         place = f"{odd.column}, row {odd.row}"
         problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
-        raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
+        raise InputError(place, odd.cell, demand, sentence=problem, where=where)
     if both is not None and not only:
         mark = "." if "." in both.cell else ","
         small, large = both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)

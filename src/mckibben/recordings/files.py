@@ -235,7 +235,7 @@ def understand(
         stored = assemble(
             path, content, columns=columns, units=units, scales=scales, period=step, pressure_zero=zero, ambient=air
         )
-        uses = _recording_uses(content, stored, units or {})
+        uses = _recording_uses(content, stored, units or {}, (columns or {}).get("time"))
         return FileReading(_recording(stored), title, uses, (*content.remarks, *stored.remarks), content.notes)
     if scales:
         raise InputError(
@@ -275,7 +275,7 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
         if len(likely) > 1:
             needs += f" (by their units {', '.join(f'{column} may be the {one}' for one, column in likely.items())})"
         problem = f"the columns are {', '.join(labels)}; {needs}"
-        remedy = f"column {next(iter(likely), 'time')}"
+        remedy = f"column {next(iter(likely)) if len(likely) > 1 else 'time'}"
         raise InputError("columns", ", ".join(labels), needs, sentence=problem, where=where, remedy=remedy) from None
     return "map"
 
@@ -289,15 +289,17 @@ def _channel_uses(recording: StoredRecording) -> tuple[ColumnUse, ...]:
     return (ColumnUse("time", "time", "s"), *(ColumnUse(name, name, channel.unit) for name, channel in channels))
 
 
-def _recording_uses(table: ForeignTable, recording: StoredRecording, units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
+def _recording_uses(
+    table: ForeignTable, recording: StoredRecording, units: Mapping[str, str], time: str | int | None
+) -> tuple[ColumnUse, ...]:
     source = recording.meta["source"]["columns"]
     used = {about["column"]: (name, about["unit"]) for name, about in source.items()}
     shorter = {id(column.values): column.label for column in channel_columns(table)}
     uses = []
-    for column, label in zip(table.columns, table_labels(table), strict=True):
+    for at, (column, label) in enumerate(zip(table.columns, table_labels(table), strict=True), 1):
         stem, parsed = parse_header(0, label)
         name, unit = used.get(shorter.get(id(column.values), column.label), ("", parsed.unit))
-        if not name and quantity_of(stem.rpartition(".")[2]) == "time":
+        if not name and (time in (at, label, stem) or quantity_of(stem.rpartition(".")[2]) == "time"):
             name, unit = "time", units.get("time") or parsed.unit or ("date" if is_date(column.values) else "s")
         uses.append(ColumnUse(column.label, name, unit or ""))
     return tuple(uses)
