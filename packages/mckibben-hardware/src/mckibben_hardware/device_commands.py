@@ -196,7 +196,6 @@ def replay_machine(
     The machine gives the recorded samples while it is asked what it was asked then, and answers other commands of the valve
     as it answered those. Other commands take it as --on replay:FILE. The exit code is 1 if something failed.
 
-    $ mckibben device check --rig modern --simulate --out check.json
     $ mckibben device replay check.json
     """
     with REPLAYED.files(out) as files:
