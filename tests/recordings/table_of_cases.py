@@ -214,7 +214,7 @@ CASES: dict[str, Case] = {
     "c3_head.csv": Case({}, columns("time port.pressure tank.pressure", 1e-3, 1e5, 1e5)),
     "c3_rep.csv": Case(
         {"header": "t [ms], port.pressure [bar], tank.pressure [bar], a [1], b [1]"},
-        columns("- port.pressure tank.pressure a b", 1, 1e5, 1e5, 1, 1, skip=0), ("3 runs",),
+        columns("- port.pressure tank.pressure a b", 1, 1e5, 1e5, 1, 1, skip=0), ("row 10, row 19: 3 runs",),
     ),
     "c7_bare.lvm": Case(
         {"header": "time [s], p [psi], f [N], m [kg]"}, columns("time p f m", 1, PSI, 1, 1, sep="\t", skip=0)

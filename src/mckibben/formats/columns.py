@@ -254,8 +254,6 @@ def assemble(
     stamps = sources.pop("time", None)
     time, start, wrap = times_of(stamps, numbers.pop("time", None), table, clock, words, period, where)
     label = "time" if stamps is None else foreign[stamps.at].label
-    if stamps is not None and table.rows is not None and not (words.get("time") or is_date(foreign[stamps.at].values)):
-        remarks.append(f"{label} has no unit and is taken as seconds")
     # Of rows that stand twice, all channels have their numbers twice.
     alike = np.r_[False, np.all([v[1:] == v[:-1] for v in numbers.values()], axis=0)] if numbers else None
     mended = mend_clock(time, label, wrap, alike, table, strict, where)
@@ -264,6 +262,9 @@ def assemble(
         keep(mended.kept)
     changed = [*remarks_of_clock, *mended.remarks, *find_gaps(time, label, table, strict, where)]
     remarks += [*unknown, *blank, *changed]
+    dated = start is not None or (stamps is not None and is_date(foreign[stamps.at].values))
+    if stamps is not None and table.rows is not None and not (words.get("time") or dated):
+        remarks.append(f"{label} has no unit and is taken as seconds")
     events = _events(texts, time)
     for label, cells in texts.items():
         count = sum(one["column"] == label for one in events)
@@ -355,7 +356,16 @@ def _sources_of(table: ForeignTable, columns: dict[str, str | int], timed: bool,
         n: labels.index(c) + 1 if isinstance(c, str) and table.named and labels.count(c) == 1 else c
         for n, c in asked.items()
     }
+    if timed and "time" not in asked and (at := date_column(table)) is not None:
+        asked["time"] = at
     return choose_columns(table_labels(table) if table.named else None, len(labels), asked, timed, where)
+
+
+def date_column(table: ForeignTable) -> int | None:
+    """Number from 1 of the only column of dates, which is the time where no column is called so; None if there is none."""
+    dates = [at for at, column in enumerate(table.columns, 1) if is_date(column.values)]
+    unnamed = time_column([label.rpartition(".")[2] for label in table_labels(table)]) is None
+    return dates[0] if len(dates) == 1 and table.named and unnamed else None
 
 
 def _whole_dates(table: ForeignTable) -> ForeignTable:

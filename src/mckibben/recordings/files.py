@@ -34,7 +34,7 @@ from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..formats import mcap
 from ..formats.clock import is_date
-from ..formats.columns import AMBIENT, assemble, channel_columns, table_labels
+from ..formats.columns import AMBIENT, assemble, channel_columns, date_column, table_labels
 from ..formats.labels import likely_columns, parse_header, quantity_of, time_column
 from ..formats.registry import format_of, load, writer_of
 from ..formats.table import ForeignTable, StoredRecording
@@ -235,7 +235,7 @@ def understand(
         stored = assemble(
             path, content, columns=columns, units=units, scales=scales, period=step, pressure_zero=zero, ambient=air
         )
-        uses = _recording_uses(content, stored, units or {}, (columns or {}).get("time"))
+        uses = _recording_uses(content, stored, units or {}, (columns or {}).get("time") or date_column(content))
         return FileReading(_recording(stored), title, uses, (*content.remarks, *stored.remarks), content.notes)
     if scales:
         raise InputError(
@@ -268,7 +268,9 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
         choose_map_columns(table_labels(usable), columns, where)
     except InputError:
         recognised = {quantity_of(parse_header(0, label)[0]) for label in table_labels(usable)} & {*NEEDED}
-        if len(recognised) >= 2 or columns:
+        if date_column(table) is not None:
+            return "recording"
+        if columns or (len(recognised) >= 2 and recognised & {"length", "contraction"}):
             raise
         needs = "a recording needs a time, a force map length, pressure and force; name the columns"
         likely = likely_columns(table_labels(usable))
