@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mckibben as mk
+from mckibben.analysis import lever_answers
 from mckibben.analysis.lever import (
     CUTS,
     contraction_timing,
@@ -192,3 +193,17 @@ def test_the_published_work_loops_come_out():
         powers.append(np.mean([one.mean_power for one in loops]))
     np.testing.assert_allclose(works, [0.0028362363, 0.0009686570, -0.0001310863, 0.0024082708], rtol=1e-6)
     np.testing.assert_allclose(powers, [0.078967198, 0.026247519, -0.004017894, 0.066959552], rtol=1e-6)
+
+
+def test_a_record_of_another_machine_is_asked_by_the_names_that_it_has():
+    record = Recording(lever().time, lever().channels, {})
+    names = {"force": "tension", "length": "span", "stimulus": "excitation"}
+    other = Recording(record.time, {names[n]: c for n, c in record.channels.items()}, {})
+    with pytest.raises(InputError, match="frequency is missing: the recording states no protocol of a lever"):
+        lever_answers.work_loops(other)
+    there, here = (lever_answers.work_loops(r, frequency=FREQUENCY, keep="2-4") for r in (other, record))
+    assert there.loops == here.loops
+    assert there.remarks()[-1] == "Chosen by name: the length is span, the force is tension."
+    twitch, same = lever_answers.contraction(other), lever_answers.contraction(record)
+    assert twitch.timing == same.timing and "the stimulus is excitation" in twitch.remarks()[-1]
+    assert not here.guessed and not same.guessed  # of its own names nothing is said

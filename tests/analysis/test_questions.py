@@ -160,3 +160,31 @@ def test_runs_of_one_file_are_compared_as_runs():
     answer = runs_of(strokes(1.0), strokes(3.0)).repeatability()
     assert answer.each == "run" and answer.compared.repetitions == 2
     assert answer.compared.largest == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("question", ["stiffness", "work", "loops"])
+def test_runs_that_never_move_have_no_loop_and_say_so(question):
+    still = mk.Recording(
+        TIME,
+        {"span": mk.Channel(0.0 * TIME + 0.13, "m", "measured"), "tension": mk.Channel(60.0 + SWING, "N", "measured")},
+    )
+    for record in (still, runs_of(still, still)):
+        with pytest.raises(InputError, match="span.*is constant"):
+            getattr(record, question)()
+
+
+def test_a_run_that_does_not_move_beside_one_that_does_has_no_stiffness():
+    time = TIME[:200]
+    still = mk.Recording(
+        time,
+        {"span": mk.Channel(0.0 * time + 0.13, "m", "measured"), "tension": mk.Channel(60.0 + time, "N", "measured")},
+    )
+    pull = mk.Recording(
+        time,
+        {
+            "span": mk.Channel(0.13 + 1e-3 * time, "m", "measured"),
+            "tension": mk.Channel(60.0 + 2.0 * time, "N", "measured"),
+        },
+    )
+    rows = runs_of(pull, still).stiffness().to_dict()["rows"]
+    assert [row["stiffness"] for row in rows] == [pytest.approx(2000.0, rel=1e-9), None]

@@ -136,6 +136,7 @@ def files(tmp_path_factory):
         "rig.toml": (SOURCE / "bench" / "rigs" / "modern.toml").read_text(encoding="utf-8"),
         "specimen.toml": (SOURCE / "specimens" / "data" / "nylon.toml").read_text(encoding="utf-8"),
         "table.csv": TABLE, "lever.ddf": LEVER,
+        "check.json": (SOURCE.parents[1] / "packages/mckibben-hardware/tests/checks/sound.json").read_text(encoding="utf-8"),
         "fit.json": json.dumps({"fits": [{"law": "gas_spring", "posterior": POSTERIOR}]}),
     }  # fmt: skip
     for name, text in right.items():
@@ -255,6 +256,7 @@ COMMANDS = {
         "--pressure": "pressure", "--rate": "number", "--muscle": "specimen", "--plumbing": "name", "--seed": "whole",
         "--out": "saved",
     }),
+    "device replay": ("device replay @fit:check.json", {"--muscle": "specimen", "--out": "saved"}),
     "device serve": ("device serve @protocol:protocol.toml --muscle @specimen:nylon --duration 0", {
         "--rig": "rig", "--set": "pair", "--plumbing": "name", "--seed": "whole", "--duration": "seconds", "--out": "place",
     }),

@@ -68,7 +68,7 @@ def test_a_table_of_others_needs_its_units(run, tmp_path):
     words = ["convert", table, out_file, "--column", "time=Zeit", "--column", "tank.pressure=2"]
     code, out, err = run(*words)
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert f"{table}: unit of tank.pressure has no unit" in err
+    assert f"{table}: tank.pressure has no unit" in err
     assert "--unit tank.pressure=UNIT" in err
     assert not out_file.exists()
     code, _, _ = run(*words, "--unit", "tank.pressure=bar", "--unit", "time=ms")

@@ -148,7 +148,7 @@ def test_matlab_files_of_others_both_versions(tmp_path: Path, make) -> None:
     struct = {"t_ms": 1e3 * TIME, "Pressure": PRESSURE, "force_N": 3.0 * TIME, "who": "me", "matrix": np.eye(3)}
     path = make(tmp_path / "a.mat", data=struct, gain=3.0)
     line = refusal(path)
-    assert "a.mat: unit of pressure (Pressure) has no unit: say it: bar, kPa" in line
+    assert "a.mat: pressure has no unit: state one, such as bar, N" in line
     for given_to in ("pressure", "Pressure"):
         read = read_any(path, units={given_to: "bar"})
         assert np.array_equal(read.recording["pressure"], PRESSURE * 1e5)
@@ -209,8 +209,8 @@ def test_parquet_files_of_others(tmp_path: Path) -> None:
 def test_tables_of_others_take_the_same_words(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t;p\n" + "".join(f"{t!r};{p!r}\n" for t, p in zip(TIME.tolist(), PRESSURE.tolist(), strict=True)))
-    assert "a.csv: unit of p has no unit" in refusal(path)
-    assert "or say it" in refusal(path)
+    assert "a.csv: p has no unit" in refusal(path)
+    assert "or state it" in refusal(path)
     assert np.array_equal(read_any(path, units={"p": "bar"}).recording["p"], PRESSURE * 1e5)
 
 
@@ -228,7 +228,6 @@ def refusal(path: Path, **options) -> str:
         ({"p_bar": PRESSURE}, {}, "time is in no column"),
         ({"p_bar": PRESSURE, "t": TIME}, {"period": 0.1}, "give one of the two"),
         ({"p_bar": PRESSURE}, {"period": -1.0}, "above 0 s"),
-        ({"p_bar": PRESSURE, "t": TIME[::-1]}, {}, "later than"),
         ({"p_bar": PRESSURE, "t_bar": TIME}, {}, "must be a time such as s or ms"),
         ({"p_bar": PRESSURE - 10.0, "t": TIME}, {}, "below vacuum"),
         ({"p": PRESSURE, "t": TIME}, {"units": {"p": "glug"}}, "must be a unit such as"),

@@ -145,7 +145,7 @@ def test_repeated_runs_are_runs_on_their_own_clocks_and_survive_a_file(tmp_path)
     path = put(tmp_path / "a.csv", "\n".join(["t [s],p [bar],F [N]", *once, *once, *once]) + "\n")
     read = understand(path)
     assert (np.diff(read.data.time) > 0.0).all()
-    assert "3 runs, one after another on one clock" in read.remarks[0]
+    assert "anew in row 5, row 8: 3 runs, one after another on one clock" in read.remarks[0]
     mk.read(path).save(tmp_path / "a.nc")
     for recording in (read.data, mk.read_recording(tmp_path / "a.nc")):
         assert len(recording.runs) == 3
@@ -153,6 +153,19 @@ def test_repeated_runs_are_runs_on_their_own_clocks_and_survive_a_file(tmp_path)
             np.testing.assert_allclose(run.time, [0.0, 0.1, 0.2], atol=1e-12)  # sums of intervals
             assert run["f"].tolist() == [10.0, 20.0, 30.0]
             assert run.runs == (run,)
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_a_file_with_the_newest_sample_first_is_the_same_the_other_way_round(tmp_path, mark):
+    rows = [f"{0.1 * i:.1f}{mark}{i * i}" for i in range(8)]
+    head = f"t [s]{mark}p [bar]"
+    forth, back = (
+        understand(put(tmp_path / name, "\n".join([head, *some]) + "\n"))
+        for name, some in (("a.csv", rows), ("b.csv", rows[::-1]))
+    )
+    np.testing.assert_array_equal(back.data.time, forth.data.time)
+    np.testing.assert_array_equal(back.data["p"], forth.data["p"])
+    assert back.remarks == ("the newest sample stands first; the rows are put in the order of their times",)
 
 
 def test_two_days_are_two_days_and_no_midnight(tmp_path):
@@ -185,6 +198,88 @@ def test_samples_out_of_order_are_put_in_order_and_said(tmp_path):
     read = understand(put(tmp_path / "a.csv", "time_s,force_N\n0,1\n0.1,2\n0.05,3\n0.2,4\n"))
     assert read.data["force"].tolist() == [1.0, 3.0, 2.0, 4.0]
     assert "out of their order" in read.remarks[0]
+
+
+STAMPS = [f"10:00:0{i}" for i in range(4)]
+
+
+@pytest.mark.parametrize(
+    ("name", "stamps"),
+    [
+        ("Date", [f"2024-05-02 {clock}" for clock in STAMPS]),
+        ("", [f"2024-05-02 {clock}" for clock in STAMPS]),  # an index of pandas
+        ("", [f"0 days 00:00:0{i}" for i in range(4)]),
+        ("", [f"0 days 00:00:0{i}.500000" for i in range(4)]),
+        ("when", [f"02-May-2024 {clock}" for clock in STAMPS]),  # MATLAB's own
+        ("when", [f"2024/05/02 10:0{i}" for i in range(4)]),
+        ("timestamps", ["0", "1", "2", "3"]),
+        ("Time", [f"{i} sec" for i in range(4)]),  # a timetable of MATLAB
+    ],
+)
+def test_the_only_column_of_times_is_the_time_whatever_it_is_called(tmp_path, name, stamps):
+    rows = "\n".join(f"{stamp},{i}.5,{10 * i}" for i, stamp in enumerate(stamps))
+    read = understand(put(tmp_path / "a.csv", f"{name},Pressure [bar],Force [N]\n{rows}\n"))
+    step = 60.0 if "10:00" in stamps[0] and "/" in stamps[0] else 1.0
+    np.testing.assert_allclose(read.data.time - read.data.time[0], step * np.arange(4), atol=1e-9)  # of stamps of 1 us
+    assert read.data["pressure"][1] == 1.5e5 and read.data["force"][3] == 30.0
+    assert next(use.name for use in read.columns) == "time"
+
+
+def test_days_that_are_written_as_one_number_are_days(tmp_path):
+    path = put(tmp_path / "a.csv", "date,p [bar]\n20240228,1\n20240229,2\n20240301,3\n")
+    read = understand(path, columns={"time": "date"})
+    np.testing.assert_allclose(read.data.time, [0.0, 86400.0, 172800.0], rtol=1e-12)  # a leap year
+    assert read.remarks == ()
+
+
+def test_a_map_with_a_column_of_dates_is_still_a_map(tmp_path):
+    rows = "2024-05-01,150,1,10\n2024-05-02,160,2,20\n2024-05-03,170,3,30\n"
+    points = mk.read(put(tmp_path / "a.csv", f"date,length [mm],pressure [bar],force [N]\n{rows}"))
+    assert isinstance(points, mk.ForceMap) and points.tension.tolist() == [10.0, 20.0, 30.0]
+
+
+@pytest.mark.parametrize("word", ["Volts", "VOLTS", "volts", "Volt"])
+def test_a_unit_in_words_is_the_unit(tmp_path, word):
+    read = mk.read(put(tmp_path / "a.csv", f"time [Seconds],Signal [{word}],M [Nm]\n0,1,2\n1,2,3\n2,3,4\n"))
+    assert read.unit("signal") == "V" and read["m"].tolist() == [2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "| time [s] | pressure [bar] |\n|---|---|\n| 0 | 1 |\n| 1 | 2 |\n| 2 | 3 |\n",
+        "time_s  pressure_bar\n======  ============\n0  1\n1  2\n2  3\n",
+        "time [s],pressure [bar]\n0,1,\n1,2,\n2,3,\n",
+        "time [s],pressure [bar]\n1,1,\n2,2,\n3,3,\n",  # as a table of R with numbered rows, but for the empty ends
+    ],
+)
+def test_lines_that_are_drawn_are_no_rows_and_marks_at_their_ends_no_cells(tmp_path, text):
+    read = mk.read(put(tmp_path / "a.txt", text))
+    assert read["pressure"].tolist() == [1e5, 2e5, 3e5] and np.diff(read.time).tolist() == [1.0, 1.0]
+
+
+def test_rows_of_r_are_numbered_without_a_name(tmp_path):
+    read = mk.read(put(tmp_path / "a.csv", "time [s],pressure [bar]\n1,0,1\n2,1,2\n3,2,3\n"))
+    assert read["pressure"].tolist() == [1e5, 2e5, 3e5] and read.time.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_a_column_chosen_as_the_time_is_told_as_time_and_its_unit_is_said(tmp_path):
+    path = put(tmp_path / "a.csv", "tick,p [bar]\n0,1\n10,2\n20,3\n")
+    assert "columns={'time': ..}" in said(path)
+    read = understand(path, columns={"time": "tick"})
+    assert read.remarks == ("tick has no unit and is taken as seconds",)
+    assert read.columns[0][1:] == ("time", "s")
+    assert understand(path, columns={"time": "tick"}, units={"time": "ms"}).remarks == ()
+
+
+def test_rows_of_an_hdf5_file_have_the_rate_that_stands_beside_them(tmp_path):
+    import h5py
+
+    for name, key, value in (("a.h5", "sample_rate", 50.0), ("b.hdf", "dt", 0.02)):
+        with h5py.File(tmp_path / name, "w") as file:
+            data = file.create_dataset("pressure", data=[1.0, 2.0, 3.0])
+            data.attrs.update({"units": "bar", key: value})
+        np.testing.assert_allclose(mk.read(tmp_path / name).time, [0.0, 0.02, 0.04], rtol=1e-15)
 
 
 # What stands in the way is left out and said

@@ -543,16 +543,16 @@ BROKEN = {
     "mixed.csv": (
         GOOD.replace(",", ";").replace(";10", ";10,5").replace(";20", ";20.5").encode(),
         "force_N, row 2: '10,5' is no number beside '20.5' in row 3; "
-        "a file must not have both decimal points and decimal commas, with decimal='.' or decimal=','",
+        "a file is read with one decimal mark: write all its numbers with a point, or all with a comma",
     ),
     "unit.csv": (
         GOOD.replace("pressure_bar", "pressure").encode(),
-        "pressure has no unit: write it into the header, such as pressure_bar, or say it, with units={'pressure': ..}",
+        "pressure has no unit: write it into the header, such as pressure_bar, or state it, with units={'pressure': ..}",
     ),
     "names.csv": (
         GOOD.replace("length_mm", "travel").replace("pressure_bar", "air").encode(),
         "the columns are travel, air, force_N; "
-        "a recording needs a time, a force map length, pressure and force; name the columns, with columns={'tension': ..}",
+        "a recording needs a time, a force map length, pressure and force; name the columns, with columns={'time': ..}",
     ),
     "numbers.csv": (
         GOOD.partition("\n")[2].encode(),
@@ -561,7 +561,8 @@ BROKEN = {
     ),
     "rest.csv": (
         GOOD.replace("length_mm", "contraction_percent").encode(),
-        "rest_length is missing: a contraction needs the rest length, or a column rest_length, with rest_length='300 mm'",
+        "rest_length is missing: contractions are shares of it; state it, or write a column rest_length, "
+        "with rest_length='300 mm'",
     ),
     "no.xlsx": (b"PK\x03\x04 but not a spreadsheet", "file cannot be read as a spreadsheet"),
     "no.h5": (b"\x89HDF\r\n\x1a\n" + bytes(40), "file cannot be read as an HDF5 file"),

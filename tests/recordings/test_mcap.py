@@ -255,9 +255,7 @@ def as_json(*values: dict, step: int = 10**7) -> tuple:
 def test_json_topics_of_others_become_channels(tmp_path: Path, compression) -> None:
     messages = as_json(*({"tank": {"pressure": 1.0 + i}, "open": i > 1, "who": "me"} for i in range(4)))
     path = foreign(tmp_path / "a.mcap", {"/rig": messages}, compression)
-    with pytest.raises(
-        InputError, match=r"a\.mcap: unit of tank\.pressure \(tank\.pressure\) has no unit: say it: bar"
-    ):
+    with pytest.raises(InputError, match=r"a\.mcap: tank\.pressure has no unit: state one, such as bar"):
         read_any(path)
     record = read_any(path, units={"tank.pressure": "bar"}).recording
     assert np.allclose(record.time, [0.0, 0.01, 0.02, 0.03], rtol=0, atol=1e-15)

@@ -132,6 +132,7 @@ PACKAGED = {
     "reproduce": needs("papers", "--row", "valve.festo"),
     **{f"study {name}": needs("benchmark", "nothing") for name in ("loops", "robot", "validation")},
     "device check": needs("hardware", "--rig", "modern", "--simulate"),
+    "device replay": needs("hardware", "check.json"),
     "calibrate zero": needs("hardware", "--rig", "modern", "--simulate"),
     "run": Call((*BENCH, "--on", "serial:/dev/ttyACM0"), says=("mckibben-hardware", "pip install 'mckibben[serial]'")),
 }
@@ -209,7 +210,8 @@ CALLS: dict[str, list[Call]] = {
         Call(("--controller", "inverse", "--plants", "0", "--duration", "3 s", "--out", "control.csv"), ["control.csv"])
     ],
     "device serve": [Call((*BENCH, "--duration", "1 s"))],
-    "device check": [Call(("--rig", "modern", "--simulate"))],
+    "device check": [Call(("--rig", "modern", "--simulate", "--out", "check.json"), ["check.json"])],
+    "device replay": [Call(("check.json", "--out", "replayed.toml"), ["replayed.toml"])],
     "energy": [Call((MUSCLE, "--pressure", "5 bar", "--out", "energy.svg"), ["energy.svg"])],
     "compare": [Call((MUSCLE,)), needs("report", MUSCLE, "--out", "compare.pdf")],
     "reproduce": [

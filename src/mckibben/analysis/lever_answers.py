@@ -16,6 +16,19 @@ from ..recordings import Recording, read_any
 from ..recordings.files import naming_file, path_of
 from . import lever
 
+# What the channels of a lever are called in the record of another machine, or of a simulated muscle.
+OTHERWISE = {"force": ("tension", "muscle.tension"), "length": ("span", "muscle.length"), "stimulus": ("excitation",)}
+
+
+def _in_record(record: Recording, **names: str) -> tuple[dict[str, str], str]:
+    """Channels by what they are; those that the record calls otherwise are said."""
+    known = {}
+    for what, name in names.items():
+        others = (other for other in OTHERWISE[what] if other in record.channels and name == what)
+        known[what] = name if name in record.channels else next(others, name)
+    said = [f"the {what} is {name}" for what, name in known.items() if name != names[what]]
+    return known, f"Chosen by name: {', '.join(said)}." if said else ""
+
 
 @dataclass(frozen=True)
 class Contraction(Answer):
@@ -26,12 +39,14 @@ class Contraction(Answer):
         timing: stimulus, peak, and set points.
         protocol: as the file states it; None if it states none.
         cautions: where the protocol is not one of a twitch or a tetanus.
+        guessed: which channels were taken where none has the name that was asked for; empty where all have.
     """
 
     file: str | None
     timing: lever.ContractionTiming
     protocol: lever.LeverProtocol | None
     cautions: tuple[Caution, ...] = ()
+    guessed: str = ""
 
     units: ClassVar[Mapping[str, str]] = {"share": "1", "time": "s", "force": "N"}
 
@@ -74,7 +89,10 @@ class Contraction(Answer):
         of = self.timing
         above = 1e3 * (of.peak_force - of.stimulus_force)
         peak = f"Peak {1e3 * of.peak_force:.7g} mN above zero, {above:.7g} mN above rest"
-        return [f"{peak}, {1e3 * of.time_to_peak:.4g} ms after the stimulus."]
+        return [
+            f"{peak}, {1e3 * of.time_to_peak:.4g} ms after the stimulus.",
+            *([self.guessed] if self.guessed else []),
+        ]
 
 
 @verbs.verb
@@ -104,10 +122,13 @@ def contraction(
     """
     record = read_any(recording, **(read or {})).recording
     shares: dict[str, Any] = {"rising": rising, "relaxing": relaxing}
+    names, said = _in_record(record, force=force, stimulus=stimulus)
     with naming_file(recording):
-        timing = lever.contraction_timing(record, **shares, above=above, force=force, stimulus=stimulus)
+        timing = lever.contraction_timing(
+            record, **shares, above=above, force=names["force"], stimulus=names["stimulus"]
+        )
     protocol = lever.stated_protocol(record)
-    return Contraction(path_of(recording), timing, protocol, cautions_of_contraction(protocol))
+    return Contraction(path_of(recording), timing, protocol, cautions_of_contraction(protocol), said)
 
 
 def cautions_of_contraction(protocol: lever.LeverProtocol | None) -> tuple[Caution, ...]:
@@ -129,6 +150,7 @@ class WorkLoops(Answer):
         starts: times at which they begin [s].
         protocol: as the file states it; None if it states none.
         cautions: about cycles that are missing or not whole.
+        guessed: as of `Contraction`.
     """
 
     file: str | None
@@ -137,6 +159,7 @@ class WorkLoops(Answer):
     starts: tuple[float, ...]
     protocol: lever.LeverProtocol | None
     cautions: tuple[Caution, ...] = ()
+    guessed: str = ""
 
     units: ClassVar[Mapping[str, str]] = {
         "work": "J", "duration": "s", "power": "W", "mean_power": "W", "start": "1", "end": "1", "cycle": "1",
@@ -174,9 +197,10 @@ class WorkLoops(Answer):
     def remarks(self) -> list[str]:
         """The means of all cycles."""
         work, power, mean = (1e3 * one for one in self.mean.values())
-        return [
+        said = [
             f"In the mean {work:.5g} mJ a cycle, {power:.5g} mW; the mean of force times smoothed velocity is {mean:.5g} mW."
         ]
+        return [*said, *([self.guessed] if self.guessed else [])]
 
 
 @verbs.verb
@@ -207,11 +231,18 @@ def work_loops(
     numbers = cycle_numbers(keep) if isinstance(keep, str) else keep
     per_second = None if frequency is None else float(frequency)
     record = read_any(recording, **(read or {})).recording
+    names, guessed = _in_record(record, length=length, force=force)
     with naming_file(recording):
+        if per_second is None and not (record.meta.get("source") or {}).get("protocol"):
+            problem = (
+                "is missing: the recording states no protocol of a lever; state it, or ask for the work of each cycle"
+            )
+            raise InputError("frequency", None, problem)
+        length, force = names["length"], names["force"]
         loops = lever.lever_loops(record, cut=cut, keep=numbers, frequency=per_second, length=length, force=force)
     said = cautions_of_cycles(record, loops, length=length)
     starts = tuple(float(record.time[one.start]) for one in loops)
-    return WorkLoops(path_of(recording), cut, loops, starts, lever.stated_protocol(record), said)
+    return WorkLoops(path_of(recording), cut, loops, starts, lever.stated_protocol(record), said, guessed)
 
 
 def cautions_of_cycles(

@@ -333,10 +333,14 @@ def path_work(length: np.ndarray, tension: np.ndarray) -> float:
 def path_stiffness(length: np.ndarray, tension: np.ndarray) -> float:
     """Slope of tension over length about the middle of a path that need not return, as of the paths of a loop [N/m].
 
+    NaN where the length is constant.
+
     Args:
         length: (n,) [m] in order of time.
         tension: (n,) [N].
     """
+    if not np.ptp(length) > 0.0:
+        return float("nan")
     order, low, high = np.argsort(length, kind="stable"), float(length.min()), float(length.max())
     path = TensionPath(length[order], tension[order], _HALF_WINDOW * (high - low))
     return _slope(path, 0.5 * (low + high), 0.25 * (high - low))

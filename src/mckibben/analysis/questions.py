@@ -260,9 +260,9 @@ def _loops_or_whole(
     """All loops, or where there are none a number of each whole run, measured along its length and tension."""
     along, pull = question.channels["length"], question.channels["tension"]
     for _, part in question.parts:
-        if not np.ptp(known(part, along)) > 0.0 and len(question.parts) == 1:
-            raise InputError(f"channel {along}", None, "is constant, so the muscle neither works nor shows a stiffness")
         known(part, pull)
+    if not any(np.ptp(known(part, along)) > 0.0 for _, part in question.parts):
+        raise InputError(f"channel {along}", None, "is constant, so the muscle neither works nor shows a stiffness")
     try:
         return _loops_of(question, skip)
     except InputError:

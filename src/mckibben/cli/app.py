@@ -68,10 +68,14 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
     ),
     "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
-    "device": ("", "Check a test machine before its first run, or serve a simulated one on a virtual serial port."),
+    "device": ("", "Check a test machine before its first run, replay such a check, or serve a simulated machine."),
     "device check": (
         "hardware",
         "Check that each sensor answers valve and motor: sign, scale, noise, range, delay; and that the machine vents.",
+    ),
+    "device replay": (
+        "hardware",
+        "Run check, calibration and first protocol on a machine that is not here, from the file of its check.",
     ),
     "device serve": ("hardware", "Serve a simulated test machine on a virtual serial port."),
     "characterise": (

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError, choice
-from .labels import TIMES, ColumnSource
+from .labels import DAYS, TIMES, ColumnSource, parse_header, plain_stem
 from .table import ForeignTable, si_of
 from .text import is_number, rows_left_out
 
@@ -47,6 +47,8 @@ def times_of(
         raise InputError("time", None, f"is in no column: {allowed}", where=where, remedy="column time")
     label = table.columns[column.at].label
     of_day = False
+    if values.dtype.kind in "iuf" and plain_stem(parse_header(0, label)[0]) in DAYS and _are_days(values):
+        values = np.array([str(int(day)) for day in values], object)  # 20240502
     if values.dtype.kind == "O":
         cells = [str(cell).strip() for cell in values]
         of_day = bool(cells) and _TIME_OF_DAY.fullmatch(cells[0]) is not None
@@ -69,7 +71,14 @@ def times_of(
     return time, None, wrap
 
 
-_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?", re.I)
+def _are_days(values: np.ndarray) -> bool:
+    """Whether numbers are days as year, month and day."""
+    whole = len(values) > 0 and bool(((values >= 19e6) & (values < 21e6) & (values == np.round(values))).all())
+    return whole and len(parse_dates([str(int(day)) for day in values])) > 0
+
+
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?|\d+ days? .*", re.I)
+_ELAPSED = re.compile(r"(?P<days>\d+) days?,? (?P<clock>\d\d:\d\d:\d\d(?:\.\d{1,9})?)")  # as pandas and Python write it
 
 
 class MendedClock(NamedTuple):
@@ -154,9 +163,15 @@ def mend_clock(
     runs: list[dict[str, float]] = []
     back = np.flatnonzero(steps < 0.0)
     anew = [int(i) for i in back if time[i + 1] - time[0] <= 0.1 * (time[: i + 1].max() - time[0])]
-    if back.size and len(anew) == len(back):
+    if 2 * back.size > len(steps):
+        kept, time = kept[::-1], time[::-1]
+        remarks.append("the newest sample stands first; the rows are put in the order of their times")
+        again = mend_clock(time, label, None, None, table, strict, where)
+        time, kept = again.time, kept if again.kept is None else kept[again.kept]
+        remarks += again.remarks
+    elif back.size and len(anew) == len(back):
         begins = [0, *(i + 1 for i in anew), len(time)]
-        said = [table.place(int(kept[i]) + 1).removeprefix(", ") for i in begins[1:-1]]
+        said = [table.place(int(kept[i])).removeprefix(", ") for i in begins[1:-1]]
         for begin, end in zip(begins, begins[1:], strict=False):
             began = float(time[begin])
             if begin:
@@ -213,6 +228,14 @@ _DATE_FORMATS = (
     "%Y/%m/%d %H:%M:%S",
     "%m/%d/%Y %I:%M:%S %p",
     "%d/%m/%Y %I:%M:%S %p",
+    "%Y/%m/%d %H:%M",
+    "%d.%m.%Y %H:%M",
+    "%m/%d/%Y %H:%M",
+    "%d/%m/%Y %H:%M",
+    "%d-%b-%Y %H:%M:%S",
+    "%d-%b-%Y",
+    "%d-%b-%y",
+    "%Y/%m/%d",
     "%d.%m.%Y",
     "%m/%d/%Y",
     "%d/%m/%Y",
@@ -235,8 +258,14 @@ def parse_dates(cells: Sequence[str]) -> np.ndarray:
     def written(form: str) -> Callable[[str], datetime]:
         return lambda cell: datetime.strptime(cell, form.replace("%S", "%S.%f") if _FRACTION.search(cell) else form)
 
+    def elapsed(cell: str) -> datetime:
+        if (found := _ELAPSED.fullmatch(cell)) is None:
+            raise ValueError
+        since = datetime.fromisoformat(f"1970-01-01T{found['clock'][:15]}")
+        return since + timedelta(days=int(found["days"]))
+
     readings = []
-    for parse_cell in (iso, *map(written, _DATE_FORMATS)):
+    for parse_cell in (iso, *map(written, _DATE_FORMATS), elapsed):
         try:
             readings.append(np.array([parse_cell(cell) for cell in plain], "datetime64[us]"))
         except ValueError:

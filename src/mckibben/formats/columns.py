@@ -262,6 +262,9 @@ def assemble(
         keep(mended.kept)
     changed = [*remarks_of_clock, *mended.remarks, *find_gaps(time, label, table, strict, where)]
     remarks += [*unknown, *blank, *changed]
+    dated = start is not None or (stamps is not None and is_date(foreign[stamps.at].values))
+    if stamps is not None and table.rows is not None and not (words.get("time") or dated):
+        remarks.append(f"{label} has no unit and is taken as seconds")
     events = _events(texts, time)
     for label, cells in texts.items():
         count = sum(one["column"] == label for one in events)
@@ -353,7 +356,16 @@ def _sources_of(table: ForeignTable, columns: dict[str, str | int], timed: bool,
         n: labels.index(c) + 1 if isinstance(c, str) and table.named and labels.count(c) == 1 else c
         for n, c in asked.items()
     }
+    if timed and "time" not in asked and (at := date_column(table)) is not None:
+        asked["time"] = at
     return choose_columns(table_labels(table) if table.named else None, len(labels), asked, timed, where)
+
+
+def date_column(table: ForeignTable) -> int | None:
+    """Number from 1 of the only column of dates, which is the time where no column is called so; None if there is none."""
+    dates = [at for at, column in enumerate(table.columns, 1) if is_date(column.values)]
+    unnamed = time_column([label.rpartition(".")[2] for label in table_labels(table)]) is None
+    return dates[0] if len(dates) == 1 and table.named and unnamed else None
 
 
 def _whole_dates(table: ForeignTable) -> ForeignTable:
@@ -572,11 +584,10 @@ def _channel(
     if unit is None and foreign.values.dtype.kind == "b":
         unit = "1"
     if unit is None:
-        if table.rows is None:
-            field, problem = f"unit of {name} ({foreign.label})", "say it: bar, kPa, N, mm, V, 1, .."
-        else:
-            field, problem = f"unit of {name}", f"write it into the header, such as '{name} [kPa]', or say it"
-        raise InputError(field, None, f"has no unit: {problem}", where=where, remedy=f"unit {name}")
+        problem = "has no unit: state one, such as bar, N, mm or V, or 1 where it is a plain number"
+        if table.rows is not None:
+            problem = f"has no unit: write it into the header, such as '{name} [kPa]', or state it"
+        raise InputError(name, None, problem, where=where, remedy=f"unit {name}")
     si, factor, offset = si_of(unit, field=f"unit of {name} ({foreign.label})", where=where)
     if factor != 1.0 or offset:
         values = values * factor + offset

@@ -28,6 +28,7 @@ from .store import read_netcdf, write_csv, write_netcdf
 from .table import FileFormat, ForeignTable, Samples, StoredRecording
 
 PROFILE = "https://w3id.org/ro/crate/1.1"
+CONTEXT = [f"{PROFILE}/context", {"sha256": "http://schema.org/sha256"}]  # younger than the terms of version 1.1
 FILES = {"recording.nc": "application/x-netcdf", "recording.csv": "text/csv", "metadata.json": "application/json"}
 ASKED = {"license": "a licence", "author": "an author"}  # what repositories ask for, by the entry of the metadata
 
@@ -40,7 +41,7 @@ def write_crate(recording: Samples, path: Path) -> list[str]:
         text = json.dumps(_plain(recording.meta), indent=1, ensure_ascii=False)
         (folder / "metadata.json").write_text(text, encoding="utf-8")
         graph = _graph(recording, {name: (folder / name).read_bytes() for name in FILES})
-        described = json.dumps({"@context": f"{PROFILE}/context", "@graph": graph}, indent=1, ensure_ascii=False)
+        described = json.dumps({"@context": CONTEXT, "@graph": graph}, indent=1, ensure_ascii=False)
         (folder / "ro-crate-metadata.json").write_text(described, encoding="utf-8")
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
             for name in ("ro-crate-metadata.json", *FILES):
@@ -67,7 +68,10 @@ def _graph(recording: Samples, files: Mapping[str, bytes]) -> list[dict[str, Any
     parts: list[dict[str, Any]] = []
 
     def add(kind: str, identity: str, **said: Any) -> dict[str, str]:
-        parts.append({"@id": identity, "@type": kind} | {key: value for key, value in said.items() if value})
+        single = {
+            key: value[0] if isinstance(value, list) and len(value) == 1 else value for key, value in said.items()
+        }
+        parts.append({"@id": identity, "@type": kind} | {key: value for key, value in single.items() if value})
         return {"@id": identity}
 
     held = [
@@ -102,11 +106,22 @@ def _graph(recording: Samples, files: Mapping[str, bytes]) -> list[dict[str, Any
         number = doi(key) if key in known_keys() else None
         identity = f"https://doi.org/{number}" if number else f"#paper-{key}"
         papers.append(add("ScholarlyArticle", identity, name=reference(key) if key in known_keys() else str(key)))
-    author = add("Person", "#author", name=str(meta["author"])) if meta.get("author") else None
+    home = str(meta.get("affiliation") or "")
+    house = add("Organization", "#affiliation", name=home) if home else None
+    author = add("Person", "#author", name=str(meta["author"]), affiliation=house) if meta.get("author") else None
+    terms = str(meta.get("license") or "not stated")
+    place = terms if terms.startswith(("http://", "https://")) else "#license"
+    use = (
+        f"Licence of the recording: {terms}"
+        if meta.get("license")
+        else "No licence is stated: ask the author before use"
+    )
+    license_ = add("CreativeWork", place, name=terms, description=use)  # a crate without one is not valid
     root = {
-        "name": str(meta.get("title") or "recording"), "datePublished": created[:10], "license": meta.get("license"),
+        "name": str(meta.get("title") or "recording"), "datePublished": created[:10], "license": license_,
         "description": str(meta.get("sentence") or meta.get("title") or "Recording of a muscle"), "author": author,
         "hasPart": held, "variableMeasured": channels, "mentions": [*things.values(), {"@id": "#run"}], "citation": papers,
+        "publisher": house,
     }  # fmt: skip
     add("Dataset", "./", **root)
     described = {"@type": "CreativeWork", "conformsTo": {"@id": PROFILE}, "about": {"@id": "./"}}

@@ -40,6 +40,9 @@ TIMES = (
     "tiempo",
     "tempo",
     "tout",
+    "times",
+    "timestamps",
+    "time_stamps",
 )
 # Names that end so are times too, where no column is called one of `TIMES`: "Total Time", "Prüfzeit", "epoch_ms".
 _TIMELIKE = re.compile(r"(?:.*[_ ])?(?:time|epoch|datetime|uhrzeit|timestamp)|.*zeit")

@@ -26,7 +26,8 @@ BUILT_IN = {
     "parquet": "exchange:PARQUET", "txt": "store:TEXT", "tsv": "store:TEXT", "dat": "store:TEXT", "gz": "store:TEXT",
     "lvm": "store:TEXT", "sto": "store:TEXT", "mot": "store:TEXT", "tra": "store:TEXT", "asc": "store:TEXT",
     "xlsx": "exchange:SPREADSHEETS", "xls": "exchange:SPREADSHEETS", "ods": "exchange:SPREADSHEETS",
-    "h5": "store:HDF5", "hdf5": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS", "ddf": "ddf:FORMAT",
+    "h5": "store:HDF5", "hdf5": "store:HDF5", "hdf": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS",
+    "ddf": "ddf:FORMAT",
     "zip": "crate:FORMAT",
 }  # fmt: skip
 

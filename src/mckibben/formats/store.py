@@ -14,6 +14,7 @@ may be ended.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import hashlib
 import io
@@ -97,20 +98,31 @@ def read_hdf5(path: Path) -> ForeignTable:
         if one.values.dtype.names:
             fields = [f for f in one.values.dtype.names if one.values.dtype[f].kind in "fiub" and one.values.ndim == 1]
             columns += [ForeignColumn(f"{label}.{f}", one.values[f], None, clock) for f in fields]
-        elif one.values.ndim == 2 and 1 in one.values.shape:
-            columns.append(
-                ForeignColumn(
-                    label, one.values.ravel(), unit, clock.replace(f" {len(one.values)} ", f" {one.values.size} ")
-                )
-            )
-        elif one.values.ndim == 1:
-            columns.append(ForeignColumn(label, one.values, unit, clock))
+        elif one.values.ndim == 1 or (one.values.ndim == 2 and 1 in one.values.shape):
+            clock = clock.replace(f" {len(one.values)} ", f" {one.values.size} ")
+            step = _interval(one.attrs)
+            time = None if step is None else step * np.arange(one.values.size)
+            clock += "" if step is None else f" every {step:g} s"
+            columns.append(ForeignColumn(label, one.values.ravel(), unit, clock, time))
         else:
             shape = " x ".join(map(str, one.values.shape))
             remarks.append(f"{label} is left out: its shape is {shape}, and a channel is one row of numbers")
     return ForeignTable(columns, {"attributes": attributes} if attributes else {}, remarks)
 
 
+def _interval(attrs: Mapping[str, str]) -> float | None:
+    """Interval of the samples [s] by an attribute for their rate [1/s] or interval [s]; None where none says it."""
+    for keys, power in ((RATES, -1.0), (INTERVALS, 1.0)):
+        for key in keys:
+            with contextlib.suppress(KeyError, ValueError, ZeroDivisionError):
+                step: float = float(attrs[key]) ** power
+                if np.isfinite(step) and step > 0.0:
+                    return step
+    return None
+
+
+RATES = ("sample_rate", "sampling_rate", "sampling_frequency", "samplerate", "fs")
+INTERVALS = ("sample_interval", "sampling_interval", "wf_increment", "dt")
 SEAL = b"\nmckibben-seal:"
 SEAL_DIGEST = 32  # [B]
 SEAL_BLOCK = 1 << 20

@@ -6,6 +6,7 @@ into a `ForeignTable`, of which `columns` makes one.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -267,6 +268,7 @@ _TARGETS = (
 )
 _ANGLES = ("rad", "rad/s", "rad/s^2")
 _ANGLE_WORDS = re.compile(r"deg(rees?)?\b|°(?![CF])|rpm|rev|turn|rad\b|arcmin|arcsec")
+_AS_PRINTED = {"Nm": "N*m", "RPM": "rpm", "Celsius": "degC", "Fahrenheit": "degF"}
 _TEMPERATURES = {"°C": "degC", "C": "degC", "°F": "degF", "F": "degF"}
 
 
@@ -385,6 +387,10 @@ def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, floa
             else round((to_si(1000.0, word, target, field=field) - offset) / 1000.0, 12)
         )
         return target, scale, offset
+    plain = _AS_PRINTED.get(unit, unit.lower() if unit.isalpha() and len(unit) > 3 else unit)
+    if plain != unit:  # "Volts", "MILLIMETERS"; of short ones the letters' case counts
+        with contextlib.suppress(InputError):
+            return si_of(plain, field=field)
     raise InputError(field, unit, "must be a unit such as kPa, bar, psi, ms, mm, V, degC or 1", where=where)
 
 

@@ -22,7 +22,7 @@ from . import instruments
 from .table import ForeignColumn, ForeignTable
 
 Rows = list[tuple[int, list[str]]]
-MARKS = ("\t", ";", ",", None)  # None stands for blanks
+MARKS = ("\t", ";", ",", "|", None)  # None stands for blanks
 MOST_NAMED = 8  # rows that a remark names
 MISSING = frozenset(
     ("", "nan", "na", "n/a", "#n/a", "null", "none", "--")
@@ -44,7 +44,8 @@ _WRITTEN = {
     for mark, other in ((".", ","), (",", "."))
 }
 _LIKE_NUMBER = re.compile(rf"[-+]?(?:\d|[.,]\d)(?:[\d.,]|{_GROUP})*(?:[eE][-+]?\d+)?")
-_DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}([T ].*)?|\d{1,2}:\d\d.*")
+_RULE = re.compile(r"[-=*_+~]{3,}")  # a line drawn below a header
+_DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}([T ].*)?|\d{1,2}-[A-Za-z]{3}-\d{2,4}.*|\d{1,2}:\d\d.*")
 # What a row of units below the names may hold; one of these is needed, and any short word may stand beside it.
 _UNIT_WORDS = frozenset(
     "s ms us min h m mm cm um in inch N kN mN lbf kgf Pa kPa MPa hPa bar mbar psi V mV A mA % - 1 °C degC K Hz deg rad g"
@@ -136,6 +137,8 @@ def _cells(path: Path) -> tuple[Rows, list[str], str | None]:
                 rows = [
                     (n, row) for n, row in enumerate(cells, 1) if any(map(str.strip, row)) and not _is_comment(row[0])
                 ]
+                if mark == "|":  # of Markdown, where it also begins and ends each row
+                    rows = [(n, row[1:-1] if not row[0].strip() and not row[-1].strip() else row) for n, row in rows]
                 names = list(csv.reader(comment, delimiter=mark)) if mark else list(map(_words, comment))
                 return rows, names[0] if names else [], mark
         except UnicodeDecodeError:
@@ -197,6 +200,7 @@ def table_of_rows(
     """
     if decimal not in (None, ".", ","):
         raise InputError("decimal", decimal, known=(".", ","), where=where)
+    rows = [(n, row) for n, row in rows if not all(_RULE.fullmatch(cell.strip() or "---") for cell in row)]
     if not rows:
         return ForeignTable([], {}, [], rows=(), named=True)
     begin, lines = _begin_of_numbers(rows)
@@ -204,7 +208,8 @@ def table_of_rows(
     preamble = [" ".join(cell for cell in map(str.strip, row) if cell) for _, row in rows[: begin - lines]]
     width = len(names) if names is not None else len(rows[begin][1])
     table, remarks = _without_words(rows[begin:], [row for _, row in rows[begin - lines : begin]], width)
-    if names is not None and table and all(len(row) == width + 1 for _, row in table):
+    filled = any(row[-1].strip() for _, row in table)  # not by a mark at the end of each line
+    if names is not None and filled and all(len(row) == width + 1 for _, row in table):
         firsts = [row[0].strip() for _, row in table]
         if firsts == [str(i) for i in range(1, len(table) + 1)] or not any(map(is_number, firsts)):
             names, width = ["", *names], width + 1  # R numbers or names its rows, and not their column
@@ -220,10 +225,26 @@ def table_of_rows(
     labels = names if names is not None else [f"column {at}" for at in range(1, width + 1)]
     cells = list(zip(*(row for _, row in fitting), strict=True)) or [() for _ in labels]
     numbers = [n for n, _ in fitting]
+    cells, labels = _without_units(cells, labels)
     plain, said = with_points(cells, numbers, labels, decimal, where)
     columns = [ForeignColumn(label, np.array(column, object)) for label, column in zip(labels, plain, strict=True)]
     notes = {"preamble": preamble} if preamble else {}
     return ForeignTable(columns, notes, [*remarks, *said], rows=numbers, named=names is not None)
+
+
+_WITH_UNIT = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?) ([^\W\d_][^\s\d]{0,9})")
+
+
+def _without_units(cells: list[tuple[str, ...]], labels: Sequence[str]) -> tuple[list[tuple[str, ...]], list[str]]:
+    """The cells of columns that repeat their unit behind each number, as "0.01 sec", without it; it goes into the label."""
+    plain, named = list(cells), list(labels)
+    for at, column in enumerate(cells):
+        found = [_WITH_UNIT.fullmatch(cell.strip()) for cell in column if cell.strip()]
+        units = {one[2] if one else "" for one in found}
+        if len(units) == 1 and "" not in units and "[" not in named[at] and "(" not in named[at]:
+            named[at] = f"{named[at]} [{units.pop()}]"
+            plain[at] = tuple(one[1] if (one := _WITH_UNIT.fullmatch(cell.strip())) else cell for cell in column)
+    return plain, named
 
 
 def _stated_header(header: str | Sequence[str], row: list[str], where: str) -> list[str]:
@@ -419,10 +440,10 @@ def _decimal_mark(columns: Sequence[tuple[Sequence[str], str]], rows: Sequence[i
     if len(only) == 2:
         odd, usual = (only[mark] for mark in sorted(only, key=lambda mark: count[mark]))
         other = "" if usual.column == odd.column else f" of {usual.column}"
-        demand = "a file must not have both decimal points and decimal commas"
+        demand = "a file is read with one decimal mark: write all its numbers with a point, or all with a comma"
         place = f"{odd.column}, row {odd.row}"
         problem = f"{place}: {odd.cell!r} is no number beside {usual.cell!r} in row {usual.row}{other}; {demand}"
-        raise InputError(place, odd.cell, demand, sentence=problem, where=where, remedy="decimal")
+        raise InputError(place, odd.cell, demand, sentence=problem, where=where)
     if both is not None and not only:
         mark = "." if "." in both.cell else ","
         small, large = both.cell.replace(",", "."), re.sub("[.,]", "", both.cell)
@@ -475,7 +496,7 @@ def split_header(cell: str, words: Container[str]) -> tuple[str, list[str]]:
         cell: the header.
         words: what counts as a unit.
     """
-    parts = [w for w in re.split(r"[\s_\[\]()/,;:]+", cell) if w]
+    parts = [w for w in re.split(r"[\s_\[\]()/\\,;:\"#]+|^\W+", cell) if w]
     tail: list[str] = []
     while len(parts) > 1 and (parts[-1] in words or parts[-1].lower() in ("gauge", "abs", "absolute", "rel", "g")):
         tail.insert(0, parts.pop())

@@ -34,7 +34,7 @@ from ..documents import JsonValue, write_whole
 from ..errors import InputError
 from ..formats import mcap
 from ..formats.clock import is_date
-from ..formats.columns import AMBIENT, assemble, channel_columns, table_labels
+from ..formats.columns import AMBIENT, assemble, channel_columns, date_column, table_labels
 from ..formats.labels import likely_columns, parse_header, quantity_of, time_column
 from ..formats.registry import format_of, load, writer_of
 from ..formats.table import ForeignTable, StoredRecording
@@ -235,7 +235,7 @@ def understand(
         stored = assemble(
             path, content, columns=columns, units=units, scales=scales, period=step, pressure_zero=zero, ambient=air
         )
-        uses = _recording_uses(content, stored, units or {})
+        uses = _recording_uses(content, stored, units or {}, (columns or {}).get("time") or date_column(content))
         return FileReading(_recording(stored), title, uses, (*content.remarks, *stored.remarks), content.notes)
     if scales:
         raise InputError(
@@ -268,14 +268,16 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
         choose_map_columns(table_labels(usable), columns, where)
     except InputError:
         recognised = {quantity_of(parse_header(0, label)[0]) for label in table_labels(usable)} & {*NEEDED}
-        if len(recognised) >= 2 or columns:
+        if date_column(table) is not None:
+            return "recording"
+        if columns or (len(recognised) >= 2 and recognised & {"length", "contraction"}):
             raise
         needs = "a recording needs a time, a force map length, pressure and force; name the columns"
         likely = likely_columns(table_labels(usable))
         if len(likely) > 1:
             needs += f" (by their units {', '.join(f'{column} may be the {one}' for one, column in likely.items())})"
         problem = f"the columns are {', '.join(labels)}; {needs}"
-        remedy = f"column {next(iter(likely), 'time')}"
+        remedy = f"column {next(iter(likely)) if len(likely) > 1 else 'time'}"
         raise InputError("columns", ", ".join(labels), needs, sentence=problem, where=where, remedy=remedy) from None
     return "map"
 
@@ -289,15 +291,17 @@ def _channel_uses(recording: StoredRecording) -> tuple[ColumnUse, ...]:
     return (ColumnUse("time", "time", "s"), *(ColumnUse(name, name, channel.unit) for name, channel in channels))
 
 
-def _recording_uses(table: ForeignTable, recording: StoredRecording, units: Mapping[str, str]) -> tuple[ColumnUse, ...]:
+def _recording_uses(
+    table: ForeignTable, recording: StoredRecording, units: Mapping[str, str], time: str | int | None
+) -> tuple[ColumnUse, ...]:
     source = recording.meta["source"]["columns"]
     used = {about["column"]: (name, about["unit"]) for name, about in source.items()}
     shorter = {id(column.values): column.label for column in channel_columns(table)}
     uses = []
-    for column, label in zip(table.columns, table_labels(table), strict=True):
+    for at, (column, label) in enumerate(zip(table.columns, table_labels(table), strict=True), 1):
         stem, parsed = parse_header(0, label)
         name, unit = used.get(shorter.get(id(column.values), column.label), ("", parsed.unit))
-        if not name and quantity_of(stem.rpartition(".")[2]) == "time":
+        if not name and (time in (at, label, stem) or quantity_of(stem.rpartition(".")[2]) == "time"):
             name, unit = "time", units.get("time") or parsed.unit or ("date" if is_date(column.values) else "s")
         uses.append(ColumnUse(column.label, name, unit or ""))
     return tuple(uses)

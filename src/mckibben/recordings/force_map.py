@@ -433,7 +433,7 @@ def map_of_table(
             )
     if "length" not in data:
         if "rest_length" not in data:
-            allowed = "is missing: a contraction needs the rest length, or a column rest_length"
+            allowed = "is missing: contractions are shares of it; state it, or write a column rest_length"
             raise InputError("rest_length", None, allowed, where=where, remedy="rest_length")
         if "shortening" in data:
             data["contraction"] = data.pop("shortening") / data["rest_length"]
@@ -609,7 +609,7 @@ def _unit(column: str, stated: str | None, quantity: str, where: str) -> tuple[s
             absolute = reference == "absolute"
     if unit is None:
         example = f"{quantity}_{'bar' if quantity == 'pressure' else UNITS[quantity]}"
-        problem = f"has no unit: write it into the header, such as {example}, or say it"
+        problem = f"has no unit: write it into the header, such as {example}, or state it"
         raise InputError(column, None, problem, where=where, remedy=f"unit {quantity}")
     return unit, absolute
 

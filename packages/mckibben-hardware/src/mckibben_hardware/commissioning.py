@@ -2,7 +2,8 @@
 
 A short sequence without a protocol, at a low pressure: rest, a step of the valve, a careful pull of the motor at the filled
 muscle where that is allowed, the shut-off where there is one, and a vent with gas in the muscle. Everything is judged from
-the counts afterwards, since a machine that is told nothing for 20 ms vents by itself.
+the counts afterwards, since a machine that is told nothing for 20 ms vents by itself. So the tests are functions of a
+`CheckRecord` alone, which `replay` keeps in a file for whoever has no such machine.
 
     noise     rms value of the readings at rest
     delay     from the sample at which the valve was asked, to the first of two readings that left the rest by 6 rms values,
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import platform
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,12 +31,15 @@ from mckibben.bench.prepare import prepare
 from mckibben.bench.rig import Rig
 from mckibben.bench.segment import SegmentMachine, timing_of
 from mckibben.bench.sensors import SENSORS
-from mckibben.documents import editable_toml, read_text, write_text
-from mckibben.errors import InputError
+from mckibben.documents import JsonValue, editable_toml, read_text, write_text
+from mckibben.errors import InputError, LineLostError
 from mckibben.quantities import with_unit
 from mckibben.recordings import Channel, Recording, provenance
 
-__all__ = ["CheckResult", "MachineCheck", "check_machine", "simulated_machine", "write_measured_rig"]
+__all__ = [
+    "CheckRecord", "CheckResult", "CheckSamples", "MachineCheck", "check_machine", "record_check", "simulated_machine",
+    "write_measured_rig",
+]  # fmt: skip
 
 PRESSURE = 1e5  # that the valve is asked for by default [Pa]
 SETTLING = 1.5  # for a change of the pressure [s]
@@ -73,6 +78,11 @@ class CheckResult:
     value: float | None
     unit: str
     sentence: str
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Its fields; a value that is not finite is None."""
+        finite = self.value is not None and np.isfinite(self.value)
+        return dataclasses.asdict(self) | {"value": self.value if finite else None}
 
 
 @dataclass(frozen=True)
@@ -129,22 +139,103 @@ class _Phase(NamedTuple):
     vents: bool = False
 
 
-class _Samples(NamedTuple):
-    """Samples of the whole sequence, (n,): readings by channel, counts, phase, lateness [s], force of the motor [N]."""
+class CheckSamples(NamedTuple):
+    """Samples of a check as the machine gave them, (n,) or (n, channels).
 
-    readings: dict[str, np.ndarray]
+    Attributes:
+        names: analogue channels of the rig.
+        counts: of these channels.
+        edges: counts of the encoder; None without one.
+        phase: part of the sequence, by name.
+        lateness: of the samples at the computer [s].
+        commands: what each sample was answered with: counts of valve and motor, open shut-off, venting (n, 4).
+        stopped: which limit of the interlocks was passed, as a phrase; empty where none was.
+    """
+
+    names: tuple[str, ...]
     counts: np.ndarray
+    edges: np.ndarray | None
     phase: np.ndarray
     lateness: np.ndarray
-    force: np.ndarray
-    stopped: str
-
-    def of(self, name: str, phase: str) -> np.ndarray:
-        readings: np.ndarray = self.readings[name][self.phase == phase]
-        return readings
+    commands: np.ndarray
+    stopped: str = ""
 
 
-def check_machine(
+@dataclass(frozen=True, kw_only=True)
+class CheckRecord:
+    """A check as it was sampled: all that its tests judge, and what a report of a fault needs.
+
+    Attributes:
+        rig: what its file says of the machine.
+        plumbing: way in which the parts were joined.
+        pressure: gauge pressure that the valve was asked for [Pa].
+        period: period of the samples [s].
+        motor: whether the motor was allowed to pull.
+        samples: up to the end, or to where the machine was lost; None where none was taken.
+        machine: what it says of itself (``has_motor``, ``motor_rest``, ``identity``), and the ``statistics`` of its line.
+        versions: of the programs, by name.
+        created: ISO 8601.
+        refused: why the machine could not be opened or was lost, as a sentence; empty where the check came to its end.
+    """
+
+    rig: Rig
+    plumbing: str
+    pressure: float
+    period: float
+    motor: bool = False
+    samples: CheckSamples | None = None
+    machine: Mapping[str, JsonValue] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=lambda: provenance.versions() | {"system": platform.platform()})
+    created: str = field(default_factory=provenance.created)
+    refused: str = ""
+
+    def judge(self) -> MachineCheck:
+        """Judge the samples by the tests of this version.
+
+        Raises:
+            LineLostError: the machine was refused or lost.
+        """
+        if self.refused or self.samples is None:
+            raise LineLostError(self.refused or "the check has no samples")
+        judged = _Judged(self)
+        results, time = tuple(judged.all()), self.period * np.arange(len(self.samples.phase))
+        return MachineCheck(
+            self.rig.name, self.pressure, self.period, results, judged.measured(), time, judged.readings
+        )
+
+
+def check_machine(hardware: Hardware, rig: Rig, **options: Any) -> MachineCheck:
+    """Check sensors and outputs of a machine; it is vented at the end, whatever happens.
+
+    Args:
+        hardware: the machine, not yet started.
+        rig: what its file says of it.
+        options: as of `record_check`.
+
+    Raises:
+        InputError: there is no such plumbing, the pressure is beyond the rig, or the machine lacks a channel of it.
+        LineLostError: the machine does not answer.
+    """
+    return record_check(hardware, rig, **options).judge()
+
+
+def layout_of(rig: Rig, plumbing: str | None, pressure: float) -> str:
+    """The plumbing of a check, the rig's first by default, in which the pressure [Pa] is allowed.
+
+    Raises:
+        InputError: there is no such plumbing, or the pressure is beyond the rig.
+    """
+    name = next(iter(rig.plumbing)) if plumbing is None else plumbing
+    if name not in rig.plumbing:
+        raise InputError("plumbing", name, known=list(rig.plumbing), where=rig.where)
+    limits = rig.limits(name)
+    if not 0.0 < pressure <= limits.pressure[1]:
+        most = with_unit(limits.pressure[1], OF_PRESSURE)
+        raise InputError("pressure", with_unit(pressure, OF_PRESSURE), f"must be above 0 bar, and at most {most}")
+    return name
+
+
+def record_check(
     hardware: Hardware,
     rig: Rig,
     *,
@@ -153,8 +244,10 @@ def check_machine(
     plumbing: str | None = None,
     motor: bool = False,
     progress: Callable[[float, float], None] | None = None,
-) -> MachineCheck:
-    """Check sensors and outputs of a machine; it is vented at the end, whatever happens.
+) -> CheckRecord:
+    """Take the samples of a check; the machine is vented at the end, whatever happens.
+
+    A machine that is lost on the way leaves the samples until then, and the reason in ``refused``.
 
     Args:
         hardware: the machine, not yet started.
@@ -167,26 +260,21 @@ def check_machine(
 
     Raises:
         InputError: there is no such plumbing, the pressure is beyond the rig, or the machine lacks a channel of it.
-        LineLostError: the machine does not answer.
     """
-    name = next(iter(rig.plumbing)) if plumbing is None else plumbing
-    if name not in rig.plumbing:
-        raise InputError("plumbing", name, known=list(rig.plumbing), where=rig.where)
-    limits = rig.limits(name)
-    if not 0.0 < pressure <= limits.pressure[1]:
-        most = with_unit(limits.pressure[1], OF_PRESSURE)
-        raise InputError("pressure", with_unit(pressure, OF_PRESSURE), f"must be above 0 bar, and at most {most}")
+    name = layout_of(rig, plumbing, pressure)
     missing = [n for n in rig.converters(0.0).names if n not in hardware.names]
     if missing:
         raise InputError("channels", ", ".join(missing), "the machine has", known=hardware.names)
     has_shut_off = rig.plumbing[name].shut_off is not None
     phases = list(_sequence(rig, period, pressure, has_shut_off, motor and hardware.has_motor))
-    samples = _sampled(hardware, rig, phases, period, progress)
-    judged = _Judged(rig, samples, period, pressure)
-    results = list(judged.all(has_shut_off, motor, hardware))
-    measured = judged.measured()
-    time = period * np.arange(len(samples.phase))
-    return MachineCheck(rig.name, pressure, period, tuple(results), measured, time, samples.readings)
+    rest = hardware.motor
+    samples, refused = _sampled(hardware, rig, phases, period, progress)
+    statistics = {} if hardware.statistics is None else hardware.statistics._asdict()
+    machine = {"has_motor": hardware.has_motor, "motor_rest": rest, "identity": dict(hardware.identity)}
+    return CheckRecord(
+        rig=rig, plumbing=name, pressure=pressure, period=period, motor=motor, samples=samples,
+        machine=machine | {"statistics": statistics}, refused=refused,
+    )  # fmt: skip
 
 
 def _sequence(rig: Rig, period: float, pressure: float, shut_off: bool, motor: bool) -> Iterator[_Phase]:
@@ -208,10 +296,10 @@ def _sequence(rig: Rig, period: float, pressure: float, shut_off: bool, motor: b
 
 def _sampled(
     hardware: Hardware, rig: Rig, phases: list[_Phase], period: float, progress: Callable[[float, float], None] | None
-) -> _Samples:
-    """Execute the sequence; above a limit of the rig's interlocks the rest of it is spent venting."""
+) -> tuple[CheckSamples, str]:
+    """Execute the sequence and say why it was cut short; above a limit of the interlocks the rest of it is spent venting."""
     scales = rig.converters(0.0).analog
-    names = [n for n in hardware.names if n in scales]
+    names = tuple(n for n in hardware.names if n in scales)
     columns = [hardware.names.index(n) for n in names]
     low = np.array([float(scales[n].low) for n in names])
     step = np.array([float(scales[n].resolution) for n in names])
@@ -221,8 +309,8 @@ def _sampled(
     most = np.array([largest.get(SENSORS[n].unit if n in SENSORS else "", np.inf) for n in names])
     total = sum(p.samples for p in phases)
     counts, edges = np.zeros((total, len(names))), np.zeros(total)
-    phase, late, motor = np.empty(total, dtype=object), np.zeros(total), np.full(total, float(rest))
-    stopped, k, let_go, begun = "", 0, False, 0.0  # begun: counts of the encoder where the pull begins
+    phase, late, commands = np.empty(total, dtype=object), np.zeros(total), np.zeros((total, 4), np.int64)
+    stopped, refused, k, let_go, begun = "", "", 0, False, 0.0  # begun: counts of the encoder where the pull begins
     try:
         hardware.start(period)
         for one in phases:
@@ -240,29 +328,45 @@ def _sampled(
                     begun = edges[k] if i == 0 else begun
                     let_go = let_go or (abs(edges[k] - begun) - abs(begun)) * encoder > PULL_TRAVEL
                 pull = rest if one.motor is None or let_go or stopped else int(one.motor[i])
-                motor[k] = pull
+                commands[k] = one.valve, pull, one.opened, hardware.venting
                 hardware.write(one.valve, pull if hardware.has_motor else None, opened=one.opened)
                 k += 1
                 if progress is not None and k % 25 == 0:
                     progress(k * period, total * period)
+    except LineLostError as error:
+        refused = str(error)
     finally:
         hardware.vent()
-    readings = {n: low[i] + counts[:, i] * step[i] for i, n in enumerate(names)}
-    if encoder is not None:
-        readings[SPAN] = encoder * edges
-    force = np.zeros(total)
-    if rig.motor_out is not None:
-        force = np.asarray(rig.motor_out.value(motor)) - float(rig.motor_out.value(rest))
-    return _Samples(readings, counts, phase, late, force, stopped)
+    turned = None if encoder is None else edges[:k]
+    return CheckSamples(names, counts[:k], turned, phase[:k], late[:k], commands[:k], stopped), refused
 
 
 class _Judged:
-    def __init__(self, rig: Rig, samples: _Samples, period: float, pressure: float) -> None:
-        self.rig, self.samples, self.period, self.pressure = rig, samples, period, pressure
-        self.names = [n for n in samples.readings if n != SPAN]
-        self.rest = {n: samples.of(n, "rest") for n in samples.readings}
+    def __init__(self, record: CheckRecord) -> None:
+        assert record.samples is not None
+        self.record, self.samples = record, record.samples
+        self.rig, self.period, self.pressure = record.rig, record.period, record.pressure
+        rig, counts, commanded = record.rig, record.samples.counts, record.samples.commands[:, 1]
+        scales = rig.converters(0.0).analog
+        names = record.samples.names
+        self.readings = {
+            n: float(scales[n].low) + counts[:, i] * float(scales[n].resolution) for i, n in enumerate(names)
+        }
+        if record.samples.edges is not None and rig.encoder is not None:
+            self.readings[SPAN] = float(rig.encoder.resolution) * record.samples.edges
+        self.force = np.zeros(len(commanded))  # of the motor [N], (n,)
+        if rig.motor_out is not None:
+            rest = int(rig.motor_out.count(0.0))
+            self.force = np.asarray(rig.motor_out.value(commanded.astype(float))) - float(rig.motor_out.value(rest))
+        self.names = [n for n in self.readings if n != SPAN]
+        self.rest = {n: self.of(n, "rest") for n in self.readings}
         self.noise = {n: float(np.std(x)) for n, x in self.rest.items()}
         self.zero = {n: float(np.mean(x)) for n, x in self.rest.items()}
+
+    def of(self, name: str, phase: str) -> np.ndarray:
+        """Readings of a channel in a phase [SI]."""
+        readings: np.ndarray = self.readings[name][self.samples.phase == phase]
+        return readings
 
     def unit(self, name: str) -> str:
         return SENSORS[name].unit if name in SENSORS else "1"
@@ -284,25 +388,25 @@ class _Judged:
         said = f"{sentence}{advice if passed is False else ''}"
         return CheckResult(name, test, passed, value, unit or self.unit(name), said)
 
-    def all(self, shut_off: bool, motor: bool, hardware: Hardware) -> Iterator[CheckResult]:
+    def all(self) -> Iterator[CheckResult]:
         """All tests, in the order of the sequence."""
         if self.samples.stopped:
             sentence = f"stopped and vented: {self.samples.stopped}; check its wires, and the scales in the rig's file"
             yield CheckResult("machine", "limits", False, None, "1", sentence)
             for i, name in enumerate(self.names):
                 yield from self.at_rest(name, i)
-            yield self.line(hardware)
+            yield self.line()
             return
         for i, name in enumerate(self.names):
             yield from self.at_rest(name, i)
             yield from self.answer(name)
         yield from self.order()
-        if shut_off and "pressure" in self.names:
+        if self.rig.plumbing[self.record.plumbing].shut_off is not None and "pressure" in self.names:
             yield self.tightness()
-        if SPAN in self.samples.readings:
-            yield self.encoder(motor)
+        if SPAN in self.readings:
+            yield self.encoder()
         yield from self.venting()
-        yield self.line(hardware)
+        yield self.line()
 
     def at_rest(self, name: str, i: int) -> Iterator[CheckResult]:
         """Noise, zero, and readings at an end of the converter."""
@@ -326,7 +430,7 @@ class _Judged:
 
     def change(self, name: str, phase: str = "step") -> float:
         """Settled change from the rest, in a phase."""
-        values = self.samples.of(name, phase)
+        values = self.of(name, phase)
         return float(np.mean(values[-max(len(values) // 4, 1) :])) - self.zero[name] if len(values) else 0.0
 
     def threshold(self, name: str) -> float:
@@ -370,7 +474,7 @@ class _Judged:
                 advice = f": {other} changes by as many counts as it should, so exchange the wires of both"
             sentence = f"reads {ratio:.3g} of what the valve was asked for"
             yield self.result(name, "scale", right, ratio, sentence, advice, "1")
-        away = np.abs(self.samples.of(name, "step") - self.zero[name]) > max(self.threshold(name), SHARE * abs(change))
+        away = np.abs(self.of(name, "step") - self.zero[name]) > max(self.threshold(name), SHARE * abs(change))
         both = np.flatnonzero(away[:-1] & away[1:])  # one reading alone may be noise
         delay = float(both[0]) * self.period if len(both) else float("nan")
         sentence = f"begins to move after {with_unit(delay, 's')}, known to {with_unit(self.period, 's')}"
@@ -393,9 +497,9 @@ class _Judged:
             sentence = "does not answer a step of the valve: check it again with a muscle on a fixed plate"
             yield self.result(name, "answer", None, None, sentence)
             return
-        pulls = self.samples.force[self.samples.phase == "pull"]
+        pulls = self.force[self.samples.phase == "pull"]
         values, force = (
-            (self.samples.of(name, "pull") - self.change(name) - self.zero[name])[pulls > 0.0],
+            (self.of(name, "pull") - self.change(name) - self.zero[name])[pulls > 0.0],
             pulls[pulls > 0.0],
         )
         change = float(values[np.argmax(np.abs(values))])
@@ -429,7 +533,7 @@ class _Judged:
             yield self.result("valve_pressure", "order", None, None, sentence, unit="1")
             return
         # Shares of the settled change, so that a zero or a scale that is wrong has no part in it.
-        shares = [(self.samples.of(n, "step") - self.zero[n]) / self.change(n) for n in names]
+        shares = [(self.of(n, "step") - self.zero[n]) / self.change(n) for n in names]
         ahead = shares[0] - shares[1]
         most, least = float(np.max(ahead)), float(np.min(ahead))
         if max(most, -least) <= max(sum(self.threshold(n) / self.change(n) for n in names), SHARE):
@@ -460,16 +564,16 @@ class _Judged:
 
     def travel(self) -> float:
         """Largest travel of the span while the motor pulls, with its sign [m]; 0 where nothing moves or no motor pulled."""
-        values = self.samples.of(SPAN, "pull") if SPAN in self.samples.readings else np.zeros(0)
+        values = self.of(SPAN, "pull") if SPAN in self.readings else np.zeros(0)
         if not len(values) or self.rig.encoder is None:
             return 0.0
         travel = float((values - values[0])[np.argmax(np.abs(values - values[0]))])
         return travel if abs(travel) >= COUNTS * float(self.rig.encoder.resolution) else 0.0
 
-    def encoder(self, motor: bool) -> CheckResult:
+    def encoder(self) -> CheckResult:
         """Whether the encoder counts upwards when the motor pulls the muscle longer."""
         if "pull" not in self.samples.phase:
-            why = "there is no motor" if motor else "the motor was not allowed to pull"
+            why = "there is no motor" if self.record.motor else "the motor was not allowed to pull"
             return CheckResult(SPAN, "answer", None, None, "m", f"not tested: {why}")
         travel = self.travel()
         if travel == 0.0:
@@ -484,7 +588,7 @@ class _Judged:
         for name in self.names:
             if self.unit(name) != OF_PRESSURE:
                 continue
-            before, values = self.change(name, "refill"), self.samples.of(name, "vent") - self.zero[name]
+            before, values = self.change(name, "refill"), self.of(name, "vent") - self.zero[name]
             if abs(before) <= self.threshold(name):
                 yield CheckResult("vent", "time", None, None, "s", f"{name} cannot show it: it does not answer")
                 continue
@@ -498,11 +602,11 @@ class _Judged:
             )
             yield CheckResult("vent", "time", vented, time, "s", sentence)
 
-    def line(self, hardware: Hardware) -> CheckResult:
+    def line(self) -> CheckResult:
         """Lateness of the samples at the computer, and those that were lost."""
         late = self.samples.lateness
         largest, usual = float(np.max(late)), float(np.median(late))
-        lost = int(getattr(hardware.statistics, "lost", 0))
+        lost = int(self.record.machine.get("statistics", {}).get("lost", 0))
         times = f"late by {with_unit(usual, 's')} in the median and {with_unit(largest, 's')} at most"
         advice = ": lower the rate, or connect the board to a port of its own"
         sentence = f"{len(late)} samples, {lost} lost, {times}"
@@ -512,7 +616,7 @@ class _Judged:
         """Noise and zero of the sensors, as a rig's file has them; those of channels that answer."""
         values: dict[str, str] = {}
         for name in self.names:
-            at_pull = self.samples.of(name, "pull")
+            at_pull = self.of(name, "pull")
             if max(abs(self.change(name)), *np.abs(at_pull - self.zero[name]), 0.0) <= self.threshold(name):
                 continue
             count = float(self.rig.sensors[name].resolution)
@@ -527,10 +631,12 @@ class _Judged:
         return values
 
 
-def simulated_machine(rig: Rig, muscle: Any, *, period: float = 4e-3, motor: bool = False, seed: int = 0) -> Hardware:
+def simulated_machine(
+    rig: Rig, muscle: Any, *, period: float = 4e-3, plumbing: str | None = None, motor: bool = False, seed: int = 0
+) -> SimulatedHardware:
     """Return a simulated machine with a muscle at rest, as hardware to check."""
     rate = f"{1.0 / period:g} Hz"
-    bench = prepare("isometric-step", muscle=muscle, rig=rig, seed=seed, sample_rate=rate)
+    bench = prepare("isometric-step", muscle=muscle, rig=rig, plumbing=plumbing, seed=seed, sample_rate=rate)
     bench = dataclasses.replace(bench, motor_held=motor and rig.motor is not None)
     return SimulatedHardware(SegmentMachine(bench, 0, next(bench.segments()), timing_of(bench)).at_interface())
 

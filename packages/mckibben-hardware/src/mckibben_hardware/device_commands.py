@@ -1,4 +1,4 @@
-"""``device``: a simulated machine behind a serial line, and the commissioning of a real one."""
+"""``device``: a simulated machine behind a serial line, the commissioning of a real one, and of one that is not here."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from mckibben.cli._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Path
 from mckibben.cli._progress import progress
 from mckibben.cli._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, table
 from mckibben.cli.run import Change, On, ProtocolName, prepared
-from mckibben.documents import JsonValue, write_text
-from mckibben.errors import InputError
+from mckibben.documents import write_text
+from mckibben.errors import InputError, LineLostError
 from mckibben.quantities import parse
 
-from . import commissioning, serial_line
+from . import commissioning, replay, serial_line
 
 LOOK = 0.2  # at whether it is ended [s]
 LONGEST_SERVICE = 31_557_600.0  # [s]; a longer one is a slip
@@ -86,30 +86,9 @@ def _ask(pressure: str, motor: bool) -> None:
     )
 
 
-def _content(check: commissioning.MachineCheck) -> dict[str, JsonValue]:
-    """The outcome for ``--json``."""
-    results: list[JsonValue] = [
-        {
-            "channel": r.channel,
-            "test": r.test,
-            "passed": r.passed,
-            "value": r.value,
-            "unit": r.unit,
-            "sentence": r.sentence,
-        }
-        for r in check.results
-    ]
-    return {
-        "rig": check.rig,
-        "pressure": check.pressure,
-        "period": check.period,
-        "passed": check.passed,
-        "results": results,
-        "measured": dict(check.measured),
-    }
-
-
-CHECKED = OutputKinds(rig=SPECIMEN, recording=RECORDING, result=OBJECT)
+CHECKED = OutputKinds(rig=SPECIMEN, recording=RECORDING, record=OBJECT)
+REPLAYED = OutputKinds(rig=SPECIMEN, recording=RECORDING, result=OBJECT)
+PRINTED = ("rig", "pressure", "period", "passed", "results", "measured")  # of a check
 VERDICT = {True: "passed", False: "FAILED", None: "not tested"}
 
 
@@ -134,7 +113,10 @@ def check(
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Begin without a question.")] = False,
     out: Annotated[
-        Paths, CHECKED.option(note="The rig file is the one that was read, with the measured values.")
+        Paths,
+        CHECKED.option(
+            note="The rig file is the one that was read, with the measured values; device replay takes the record."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -151,33 +133,96 @@ def check(
     if simulate == (machine is not None):
         problem = "is allowed only without --simulate" if simulate else "is missing: give --on MACHINE or --simulate"
         raise InputError("--on", None, problem)
+    commissioning.layout_of(one, plumbing, asked)
     with CHECKED.files(out) as files:
         hardware.backends.check_connection(machine)
         if machine is not None and not yes:
             _ask(pressure, motor)
-        with (
-            hardware.backends.connected(machine, one, period) as real,
-            progress("checking", 1.0, saved="The machine was vented.", guarded=False) as bar,
-        ):
-            checked = real or commissioning.simulated_machine(one, muscle, period=period, motor=motor, seed=seed)
-            outcome = commissioning.check_machine(
-                checked, one, period=period, pressure=asked, plumbing=plumbing, motor=motor, progress=bar.at
+        try:
+            with (
+                hardware.backends.connected(machine, one, period) as real,
+                progress("checking", 1.0, saved="The machine was vented.", guarded=False) as bar,
+            ):
+                checked = real or commissioning.simulated_machine(
+                    one, muscle, period=period, plumbing=plumbing, motor=motor, seed=seed
+                )
+                record = commissioning.record_check(
+                    checked, one, period=period, pressure=asked, plumbing=plumbing, motor=motor, progress=bar.at
+                )
+        except (InputError, LineLostError) as error:  # as much as is known of the machine, for whoever is to help
+            layout = commissioning.layout_of(one, plumbing, asked)
+            record = commissioning.CheckRecord(
+                rig=one, plumbing=layout, pressure=asked, period=period, motor=motor, refused=str(error)
             )
+            files.write("record", lambda path: replay.write_check(path, record, None))
+            raise
+        outcome = None if record.refused else record.judge()
+        files.write("record", lambda path: replay.write_check(path, record, outcome))
+        outcome = outcome or record.judge()  # which says why the machine was lost
         source = rig if rig.lower().endswith(".toml") else None
         files.write("rig", lambda path: commissioning.write_measured_rig(path, outcome, one, source))
         files.write("recording", lambda path: write_recording(outcome.recording(), path))
-        content = _content(outcome)
+        if as_json:
+            print_json({key: replay.check_content(record, outcome)[key] for key in PRINTED})
+        else:
+            _print_check(outcome)
+            files.say()
+    if not outcome.passed:
+        raise typer.Exit(1)
+
+
+def _print_check(check: commissioning.MachineCheck) -> None:
+    results = check.results
+    new = [not i or results[i - 1].channel != r.channel for i, r in enumerate(results)]
+    rows = [
+        [r.channel if first else "", r.test, VERDICT[r.passed], r.sentence]
+        for first, r in zip(new, results, strict=True)
+    ]
+    table(f"Check of the rig {check.rig}", ["", "test", "", ""], rows)
+
+
+def replay_machine(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="What device check --out FILE.json has written, here or elsewhere.")
+    ],
+    muscle: Annotated[
+        str, typer.Option("--muscle", metavar="SPECIMEN", help="Muscle that the dry run of the protocol assumes.")
+    ] = "nylon",
+    out: Annotated[Paths, REPLAYED.option()] = None,
+    as_json: Json = False,
+) -> None:
+    """Run check, calibration and first protocol on a machine that is not here, from the file of its check.
+
+    The machine gives the recorded samples while it is asked what it was asked then, and answers other commands of the valve
+    as it answered those. Other commands take it as --on replay:FILE. The exit code is 1 if something failed.
+
+    $ mckibben device replay check.json
+    """
+    with REPLAYED.files(out) as files:
+        found = replay.replay_check(file, muscle=muscle)
+        record, check = found.record, found.check
+        if check is None and (files["rig"] or files["recording"]):
+            raise LineLostError(f"{file}: {record.refused}")
+        if check is not None:
+            files.write("rig", lambda path: commissioning.write_measured_rig(path, check, record.rig, None))
+            files.write("recording", lambda path: write_recording(check.recording(), path))
+        content = {
+            "file": str(file),
+            "rig": record.rig.name,
+            "passed": found.passed,
+            "steps": [step._asdict() for step in found.steps],
+            "results": [] if check is None else [r.to_dict() for r in check.results],
+            "versions": dict(record.versions),
+            "identity": dict(record.machine.get("identity", {})),
+        }
         files.write_result(content)
         if as_json:
             print_json(content)
         else:
-            results = outcome.results
-            new = [not i or results[i - 1].channel != r.channel for i, r in enumerate(results)]
-            rows = [
-                [r.channel if first else "", r.test, VERDICT[r.passed], r.sentence]
-                for first, r in zip(new, results, strict=True)
-            ]
-            table(f"Check of the rig {outcome.rig}", ["", "test", "", ""], rows)
+            if check is not None:
+                _print_check(check)
+            rows = [[step.name, VERDICT[step.passed], step.sentence] for step in found.steps]
+            table(f"Replay of {file}, written {record.created}", ["", "", ""], rows)
             files.say()
-    if not outcome.passed:
+    if not found.passed:
         raise typer.Exit(1)

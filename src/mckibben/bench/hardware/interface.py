@@ -10,12 +10,13 @@ knows units, limits or protocols; a machine only has to vent whenever it is told
 from __future__ import annotations
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from operator import index
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ...documents import JsonValue
 from ...errors import InputError
 
 LARGEST = 2**32 - 1  # count that a line carries
@@ -108,6 +109,11 @@ class Hardware(abc.ABC):
     def proceed(self) -> None:
         """Allow `wait` again after `interrupt`."""
         return
+
+    @property
+    def identity(self) -> Mapping[str, JsonValue]:
+        """What the machine says of itself, such as its firmware and converters, for a report; empty if it says nothing."""
+        return {}
 
     @property
     def statistics(self) -> NamedTuple | None:

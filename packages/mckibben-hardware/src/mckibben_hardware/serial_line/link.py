@@ -27,6 +27,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from mckibben.bench.hardware.interface import Hardware
+from mckibben.documents import JsonValue
 from mckibben.errors import InputError, LineLostError
 from mckibben.extras import library
 
@@ -471,6 +472,11 @@ class SerialHardware(Hardware):
         self._lost_by: str | None = None
         self._closed = False
         self._forget(0.0)
+
+    @property
+    def identity(self) -> dict[str, JsonValue]:
+        """Port, speed, and what the device answered when it was greeted."""
+        return {"port": self.name, "speed": self._line.speed} | self.welcome._asdict()
 
     @property
     def statistics(self) -> SerialStatistics:
