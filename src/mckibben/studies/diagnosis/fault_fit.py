@@ -134,6 +134,9 @@ DAMPINGS, OFF_CLOSE, LIKELY_CLOSE = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0), 0.05, 0.5
 NOISE_LEFT, OTHER_LENGTHS = 1.5, (-2.0, 2.0)
 UNDESCRIBED = 3.0  # noises of the sensors that are left where no description nor fault explains a recording
 SAID_OFF, MOST_OFF = 0.5, 4  # usual errors from which on a number is shown, and numbers in a sentence
+# Share of a fault's size at which its effect is taken, too, beside numbers that may be off: at the whole size what bends in
+# it is no number's and seems to tell it from them; at a small one that is so of a simulation's roughness.
+SMALL = 0.1
 LEAST_SHARE = 0.02  # of the strongest, of a combination of the start's effects that is told from the others
 
 
@@ -825,7 +828,8 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
         compare.largest = max(float(table[0, tension].max()) for table in around)
         slips = [(CLAMP_GRIP, SIZES[CLAMP_GRIP] * rung) for rung in RUNGS[CLAMP_GRIP]]
     tried = [*tried, *slips]
-    others = compare.readings([*({n: v} for n, v in tried), {MOTION: 1.0}])
+    small = [(n, SMALL * SIZES[n]) for n in names if compare.described and n not in RUNGS]
+    others = compare.readings([*({n: v} for n, v in (*tried, *small)), {MOTION: 1.0}])
     last = 2 + len(STARTS)
     compare.begin([np.concatenate([table[:1], table[2:last]]) for table in around])
     predicted, further = compare.blocks(around), compare.blocks(others)
@@ -834,7 +838,7 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
     off_by = np.array([*compare.described.values()])
     effects_of_numbers = (predicted[last:] - sound) / OFF_STEP
     compare.measured = compare.measured + np.einsum("k,kcb->cb", off_by, effects_of_numbers)
-    changed = further[:-1] - sound
+    changed = further[: len(tried)] - sound
     compare.starts = compare.of_each_section(predicted[1:last] - sound)
     rough = maximum_filter1d(np.abs(further[-1] - sound), 3, axis=1)
     compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
@@ -844,6 +848,9 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
     effects = compare.scaled(changed)
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
+    for (n, v), effect in zip(small, further[len(tried) : -1] - sound, strict=True):
+        strength = float(np.sum(compare.scaled(effect) ** 2)) / widened
+        limits[n] = max(limits[n], _seen_from(np.array([v]), np.array([strength])))
     if max(likelihoods.values()) <= THRESHOLD:
         intervals = {
             n: (values[n] - NORMAL_QUANTILE * spread[n], values[n] + NORMAL_QUANTILE * spread[n]) for n in names
