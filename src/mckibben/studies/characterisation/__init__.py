@@ -6,6 +6,7 @@ from ..._lazy import lazy_submodules
 
 if TYPE_CHECKING:
     from . import evaluation as evaluation
+    from . import readings as readings
     from . import stages as stages
     from . import verb as verb
 
