@@ -6,7 +6,8 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError, StageError
 from mckibben.muscles.elements import Tendon
-from mckibben.studies.characterisation.readings import characterise_like, cord_of, measure_cord
+from mckibben.studies.characterisation import characterise_like, measure_cord
+from mckibben.studies.characterisation.readings import cord_of
 
 REST = "140 mm"
 

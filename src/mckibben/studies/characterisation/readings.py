@@ -190,7 +190,7 @@ def characterise_like(
         StageError: a stage could not be finished.
 
     Examples:
-        >>> from mckibben.studies.characterisation.readings import characterise_like
+        >>> from mckibben.studies.characterisation import characterise_like
         >>> found = characterise_like("festo-10mm", muscle="festo-10mm", max_tension="450 N")    # doctest: +SKIP
         >>> found.muscle.tension("27 cm", "5 bar")                                             # doctest: +SKIP
     """
@@ -276,7 +276,7 @@ def measure_cord(
         StageError: the rod was not pulled, or what gave was no cord.
 
     Examples:
-        >>> from mckibben.studies.characterisation.readings import measure_cord
+        >>> from mckibben.studies.characterisation import measure_cord
         >>> print(measure_cord("modern"))    # doctest: +SKIP
     """
     on = rig if isinstance(rig, Rig) else rig_of(rig)
