@@ -25,6 +25,7 @@ import itertools
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,7 +37,7 @@ import mckibben as mk
 from mckibben.bench.rig import DRIFT, RigFaults
 from mckibben.errors import MckibbenError
 from mckibben.quantities import declared
-from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of
+from mckibben.studies.diagnosis.fault_fit import SIZES, Diagnosis, diagnose_sections, observer_of, sections_of, shown
 
 SEED = 9  # of the published run
 SEEDS = 10_000  # by which the seeds of the noise of sound runs differ from one seed to the next
@@ -147,7 +148,14 @@ OTHER_LAWS = {
 
 
 def measure_off(
-    count: int, rounds: int, seed: int, tell: Any, *, times: float = 1.0, only: tuple[str, ...] = ()
+    count: int,
+    rounds: int,
+    seed: int,
+    before: list[dict[str, Any]],
+    tell: Any,
+    *,
+    times: float = 1.0,
+    only: tuple[str, ...] = (),
 ) -> Iterator[dict[str, Any]]:
     """Diagnose runs of rigs whose files are off: sound ones, and rounds of one run of each fault on each case.
 
@@ -155,6 +163,7 @@ def measure_off(
         count: of the sound runs.
         rounds: of faults.
         seed: of all draws.
+        before: rows that are there, behind which it goes on.
         tell: called with each row.
         times: by which the sizes of the faults are larger than those in `BESIDE`.
         only: names of faults; all where empty.
@@ -163,11 +172,16 @@ def measure_off(
     from mckibben.quantities import parse
     from mckibben.studies.diagnosis.observer import stated_numbers
 
+    present = Counter(row["fault"] for row in before if (row["seed"], row["times"]) == (seed, times))
     turns = -(-count // len(CASES))
     wanted = [name for name in only or BESIDE if name != "none"]
-    order = [("none", turn) for turn in range(turns)] + [(name, turn) for turn in range(rounds) for name in wanted]
-    for (fault, turn), (number, case) in itertools.product(order, enumerate(CASES)):
+    cases = tuple(enumerate(CASES))
+    order = [*itertools.product(range(turns), cases, ["none"]), *itertools.product(range(rounds), cases, wanted)]
+    for turn, (number, case), fault in order:
         if fault == "law" and case.muscle not in OTHER_LAWS:
+            continue
+        if present[fault]:
+            present[fault] -= 1
             continue
         chance = np.random.default_rng([seed, turn, number, list(BESIDE).index(fault)])
         place = f"sensors.{fault.removesuffix(' gain')}.gain_error" if " gain" in fault else f"faults.{fault}"
@@ -337,7 +351,64 @@ def tables(results: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-WRITTEN = (written.WrittenPart("explanation/diagnosis.md", BEGIN, END, tables),)
+BEGIN_OFF = "<!-- written by benchmarks/diagnosis.py --off; do not edit -->"
+END_OFF = "<!-- end of off -->"
+
+
+def off_tables(results: dict[str, Any]) -> str:
+    """Tables of the page on rigs whose files are off: false alarms by case, and faults by their size."""
+    rows = results["off"]
+    sound = [r for r in rows if r["fault"] == "none"]
+    alarms = [r for r in sound if r["found"] not in ("none", "law")]
+    lost = sum(not r["described"] for r in sound)
+    lines = [
+        f"{len(alarms)} false alarm{'s' * (len(alarms) != 1)} in {len(sound)} sound runs: "
+        f"below {100 * bound(len(alarms), len(sound)):.2g} % of the runs at 95 %. {lost} were said not to be described "
+        "by their files.",
+        "",
+        "| muscle | protocol | rig | sound runs | false alarms | not described | ratio, largest |",
+        "|---|---|---|---:|---:|---:|---:|",
+    ]
+    for number, case in enumerate(CASES):
+        some = [r for r in sound if r["case"] == number]
+        counts = len(some), sum(r in alarms for r in some), sum(not r["described"] for r in some)
+        cells = [case.muscle, case.protocol, case.rig, *map(str, counts), f"{max(r['ratio'] for r in some):.1f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += [
+        "",
+        "| fault | size | runs | right | named | told as none | seen from, median |",
+        "|---|---|" + "---:|" * 5,
+    ]
+    for name, words in BESIDE.items():
+        for times in sorted({r["times"] for r in rows if r["fault"] == name}) if name != "none" else ():
+            some = [r for r in rows if (r["fault"], r["times"]) == (name, times)]
+            right = sum(r["found"] == name for r in some)
+            named = sum(name in (r["found"], *r["alternatives"]) for r in some)
+            size, _, unit = words.partition(" ")
+            seen = [r["limit"] / (r["size"] / (times * float(size))) for r in some if r.get("limit")]
+            cells = [
+                SHORT.get(name, "another law" if name == "law" else name), f"{times * float(size):g} {unit}" if size else "",
+                str(len(some)), *(f"{100 * count / len(some):.0f} %" for count in (right, named)),
+                f"{100 * sum(r['found'] == 'none' for r in some) / len(some):.0f} %",
+                f"{np.median(seen):.2g} {unit}" if seen else "",
+            ]  # fmt: skip
+            lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "| seen from, as computed for the sound runs | median | least of a case | largest of a case |"]
+    lines += ["|---|" + "---:|" * 3]
+    for name in SIZES:
+        by_case = [
+            [r["limits"][name] for r in sound if r["case"] == n and name in r["limits"]] for n in range(len(CASES))
+        ]
+        middles = [float(np.median(some)) for some in by_case if some]
+        cells = [shown(name, value) for value in (float(np.median(middles)), min(middles), max(middles))]
+        lines.append(f"| {SHORT[name]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+WRITTEN = (
+    written.WrittenPart("explanation/diagnosis.md", BEGIN, END, tables),
+    written.WrittenPart("explanation/diagnosis.md", BEGIN_OFF, END_OFF, off_tables),
+)
 
 
 def main() -> int:
@@ -368,13 +439,16 @@ def main() -> int:
         out = Path(options.out)
         kept = json.loads(out.read_text(encoding="utf-8")) if out.exists() else {}
         rows = kept.setdefault("off", [])
-        for row in measure_off(options.off, options.rounds, options.seed, tell, times=options.times, only=only):
+        for row in measure_off(
+            options.off, options.rounds, options.seed, list(rows), tell, times=options.times, only=only
+        ):
             rows.append(row)
             write(kept, options.out)
         return 0
     before = json.loads(Path(options.out).read_text(encoding="utf-8")) if options.sound == 0 or only else {}
     sound = before["sound"] if before else measure_sound(options.sound, options.seed, tell)
     results = {"seed": before.get("seed", options.seed), "sound": sound}
+    results |= {"off": before["off"]} if "off" in before else {}
     if not before:
         write(results, options.out)
     cases = results["sound"]["cases"]

@@ -34,6 +34,7 @@ def test_specimens_state_how_far_another_muscle_of_the_make_is_and_metadata_have
     assert make_spread(mk.specimen("DMSP-40-400")).elsewhere == 0.2
     assert make_spread(mk.specimen("nylon")) is None
     none = law_error(mk.specimen("nylon"), "linear_threshold")
+    assert law_error(mk.specimen("MPYE-5-1-8-LF"), "") is None  # a valve has no tension
     assert "between_muscles" not in none and none["interval"].startswith("no interval: nothing says")
 
 

@@ -23,7 +23,7 @@ from ..documents import JsonValue
 from ..errors import InputError, NoVolumeError
 from ..quantities import declared, with_unit
 from ..specimens import Specimen
-from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS
+from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS, MUSCLES
 from .braid import SHORTEST_SHARE, braid_of
 from .law import TensionLaw, law_name
 
@@ -173,9 +173,9 @@ def error_of(spec: Specimen | None, law: str) -> LawError | None:
 def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
     """The error that a specimen states of one of its laws and the interval of a tension, for metadata and JSON.
 
-    Where it states neither, ``interval`` says so; None without a specimen.
+    Where it states neither, ``interval`` says so; None without a muscle's specimen.
     """
-    if spec is None:
+    if spec is None or spec.kind not in MUSCLES:
         return None
     error, spread = error_of(spec, law), make_spread(spec)
     said = {} if spread is None else {"between_muscles": spread.to_dict()}

@@ -700,11 +700,26 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     variance of the block is larger by the square of that change.
     """
     compare = _Comparison(observer, sections)
-    found = _judge(compare, _describe(compare, {}).around)
+    sound = _describe(compare, {})
+    found = _judge(compare, sound.around)
     if found.fault:  # the description was bent as if the rig were sound; with the fault it may be as stated
-        _describe(compare, {found.fault: compare.searched(found.fault, found[found.fault].estimate.value)})
-        again = _judge(compare)
-        found = again if again.fault == found.fault else found
+        beside = _describe(compare, {found.fault: compare.searched(found.fault, found[found.fault].estimate.value)})
+        gain = sound.unlikely - beside.unlikely
+        if observer.description and found.fault not in RUNGS and not gain > THRESHOLD:
+            # The judgement took what the numbers do in proportion. Found anew, they explain as much without the fault.
+            lesser = [one._replace(ratio=min(one.ratio, max(gain, 0.0))) for one in found.faults]
+            left = float(np.sqrt(sound.left))
+            found = replace(
+                found,
+                fault="",
+                alternatives=(),
+                explained=left < UNDESCRIBED,
+                faults=tuple(sorted(lesser, key=lambda one: -one.ratio)),
+                misfit=max(found.misfit, left),
+            )
+        else:
+            again = _judge(compare)
+            found = again if again.fault == found.fault else found
     # nor may it be bent for a wrong zero, or for a clamp that slips or a valve that sticks, beside which it leads nowhere
     if observer.description and (not found.explained or found.fault in RUNGS):
         stated = diagnose_sections(observer._replace(description=()), sections)
@@ -849,7 +864,7 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
     for (n, v), effect in zip(small, further[len(tried) : -1] - sound, strict=True):
-        strength = float(np.sum(compare.scaled(effect) ** 2)) / widened
+        strength = max(float(np.sum(compare.scaled(effect) ** 2)), 1e-12) / widened
         limits[n] = max(limits[n], _seen_from(np.array([v]), np.array([strength])))
     if max(likelihoods.values()) <= THRESHOLD:
         intervals = {
