@@ -1,11 +1,12 @@
 """Felt speed: what a person waits for a command, from its call to the prompt, with warm caches.
 
-    python benchmarks/felt.py [--runs 7] [--before REVISION] [--only WORD ..] [--json FILE]
+    python benchmarks/felt.py [--runs 7] [--before REVISION] [--busy 3] [--only WORD ..] [--json FILE]
 
 Prints a table with a target for each command, and the minimum and median over the runs: seconds of the clock, and processor
 seconds of the process and its children. `--before` checks out another revision beside this one and calls both in turns, so
 that what disturbs the machine disturbs both. Every command is called once or twice before, for its kernels to be kept.
 Use an idle machine: if other programs used more than a tenth of a core, the table says so, and its numbers are too large.
+`--busy` measures beside as many processes that only compute; the targets are those of an idle machine all the same.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import statistics
 import subprocess
 import sys
@@ -39,22 +41,34 @@ class Case(NamedTuple):
         target: seconds of the clock on an idle machine.
         words: arguments of Python.
         printed: whether the time is the last number that it prints, and not that of the process.
+        prepare: arguments of Python that make what it reads, called once.
     """
 
     name: str
     target: float
     words: tuple[str, ...]
     printed: bool = False
+    prepare: tuple[str, ...] = ()
 
 
 def command(words: str, target: float) -> Case:
     """A call of the command line."""
-    return Case(words, target, ("-m", "mckibben", *words.split()))
+    return Case(words, target, mckibben(words))
+
+
+def mckibben(words: str) -> tuple[str, ...]:
+    """Arguments of Python for a call of the command line, its words as a shell takes them."""
+    return ("-m", "mckibben", *shlex.split(words))
 
 
 def cases(folder: Path) -> list[Case]:
     """Return all commands; what they write goes to a folder."""
     circuit = ROOT / "examples" / "circuits" / "filling-a-tank.toml"
+    loop = mckibben(f"run work-loop --muscle nylon --rig modern --set cycles=2 --out '{folder}/loop.nc'")
+    moved = (
+        f"joint nylon --command 'flexor=0, 0.3 @ 50 ms' --command extensor=-0.1 --duration 0.3s --out '{folder}/j.nc'"
+    )
+    sizing = "--force '50 N' --stroke '3 cm' --pressure '5 bar' --tank '2 l at 8 bar'"
     return [
         Case("import mckibben", 0.1, ("-c", "import mckibben")),
         Case("first law.tension in Python", 0.3, ("-c", f"{LAW}; law.tension(0.15, 5e5)")),
@@ -71,6 +85,15 @@ def cases(folder: Path) -> list[Case]:
         Case("circuit run", 1.5, ("-m", "mckibben", "circuit", "run", str(circuit), "--out", str(folder / "tank.nc"))),
         command("fit DMSP-20-300 --law hyperelastic_braid", 1.5),
         command("fit DMSP-20-300", 8.0),
+        command("fit DMSP-10-250 --law seated_braid --posterior --draws 200", 10.0),
+        command(f"size --muscle DMSP-10-250 {sizing}", 10.0),
+        command("next --like festo-10mm --set 'rest_length=132 mm'", 5.0),
+        Case("joint nylon", 5.0, mckibben(moved)),
+        Case("export --for fmi3", 10.0, mckibben(f"export nylon --for fmi3 --out '{folder}/nylon.fmu' --span '14 cm'")),
+        Case(
+            "record report", 5.0, mckibben(f"record report '{folder}/loop.nc' --out '{folder}/loop.html'"), prepare=loop
+        ),
+        Case("diagnose", 10.0, mckibben(f"diagnose '{folder}/loop.nc'"), prepare=loop),
     ]
 
 
@@ -112,6 +135,18 @@ def busy_seconds() -> float | None:
 
 
 @contextmanager
+def busy(count: int) -> Iterator[None]:
+    """Processes that only compute, beside what is measured."""
+    started = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+@contextmanager
 def worktree(revision: str) -> Iterator[Path]:
     """A checkout of another revision, for as long as it is needed."""
     with tempfile.TemporaryDirectory() as folder:
@@ -133,6 +168,8 @@ def measure(chosen: list[Case], trees: dict[str, Path], runs: int) -> list[dict[
     for case in chosen:
         row: dict[str, Any] = {"command": case.name, "target": case.target}
         live = dict(trees)
+        if case.prepare:
+            call(Case(f"what {case.name} reads", case.target, case.prepare), ROOT)
         spent: dict[str, list[Spent]] = {name: [] for name in trees}
         for k in range(WARM_UP + runs):
             for name, tree in list(live.items()):
@@ -169,6 +206,7 @@ def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=7, help="counted calls of each command")
+    parser.add_argument("--busy", type=int, default=0, metavar="N", help="measure beside so many busy processes")
     parser.add_argument("--before", metavar="REVISION", help="revision of git to compare with")
     parser.add_argument(
         "--only", nargs="*", default=[], metavar="WORD", help="commands that contain one of these words"
@@ -176,18 +214,18 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all times to this file, too")
     chosen = parser.parse_args()
     earlier = nullcontext(None) if chosen.before is None else worktree(chosen.before)
-    with tempfile.TemporaryDirectory() as folder, earlier as before:
+    with tempfile.TemporaryDirectory() as folder, earlier as before, busy(chosen.busy):
         trees = ({} if before is None else {"before": before}) | {"now": ROOT}
         known = [c for c in cases(Path(folder)) if not chosen.only or any(word in c.name for word in chosen.only)]
         columns = "wall min  median  cpu min median"
         print(f"{'seconds':44s}  target" + "".join(f"  | {columns} ({name})" for name in trees), flush=True)
-        busy, own, begin = busy_seconds(), sum(os.times()[:4]), time.perf_counter()
+        used, own, begin = busy_seconds(), sum(os.times()[:4]), time.perf_counter()
         rows = measure(known, trees, chosen.runs)
         others = None
-        if busy is not None:
-            others = (busy_seconds() or 0.0) - busy - (sum(os.times()[:4]) - own)
+        if used is not None:
+            others = (busy_seconds() or 0.0) - used - (sum(os.times()[:4]) - own)
             others /= time.perf_counter() - begin
-    if others is not None and others > BUSY:
+    if others is not None and others > BUSY and not chosen.busy:
         print(
             f"The machine was busy: other programs used {others:.1f} of {os.cpu_count()} cores. The times are too large."
         )

@@ -136,7 +136,8 @@ def test_a_number_that_is_declared_while_a_function_is_traced_outlives_the_trace
         made.append(as_array(2.0))  # as a field of a module that is kept is
         return made[0] * x
 
-    assert "device_put" not in str(jax.make_jaxpr(doubled)(1.0))
+    # JAX 0.6 leaves a put in the trace, whose result nothing takes
+    assert all(e.primitive.name != "device_put" or str(e.outvars[0]) == "_" for e in jax.make_jaxpr(doubled)(1.0).eqns)
     assert float(made[0]) == 2.0 and float(jax.jit(lambda x: made[0] + x)(1.0)) == 3.0
 
 

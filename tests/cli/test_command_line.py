@@ -364,6 +364,20 @@ def test_ctrl_c_in_a_command_is_said_in_one_sentence(run, monkeypatch):
     assert run("show", "nylon") == (130, "", "mckibben: interrupted; nothing was written\n")
 
 
-def test_progress_is_silent_where_standard_error_is_no_terminal(run, tmp_path: Path):
+@pytest.mark.parametrize(("patience", "said"), [(0.0, "sizing: braids\n"), (60.0, "")])
+def test_progress_in_a_pipe_is_lines_of_work_that_takes_long(patience, said, tmp_path: Path, monkeypatch):
+    from mckibben.cli import _progress
+
+    monkeypatch.setattr(_progress, "PATIENT_PIPE", patience)
+    with open(tmp_path / "said", "w+", encoding="utf-8") as pipe:
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "stderr", pipe)
+            with _progress.told("sizing", 3) as tell:
+                tell("braids")
+        pipe.seek(0)
+        assert pipe.read() == said
+
+
+def test_progress_is_silent_where_it_is_to_be_quiet(run, tmp_path: Path):
     code, _, err = run("circuit", "run", str(Path(__file__).parents[2] / "examples/circuits/filling-a-tank.toml"), "-q")
     assert (code, err) == (0, "")

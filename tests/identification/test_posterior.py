@@ -15,10 +15,12 @@ from mckibben.identification.posterior import (
     MapSensors,
     Posterior,
     SensorErrors,
+    _model_of,
     posterior_of_fit,
     read_posterior,
     run_columns,
 )
+from mckibben.identification.problem import Problem
 
 LENGTHS, PRESSURES = (a.ravel() for a in np.meshgrid(np.linspace(0.12, 0.15, 4), np.linspace(2e5, 5e5, 3)))
 
@@ -273,6 +275,23 @@ def test_impossible_sensors_and_counts_are_refused():
         MapSensors(tension=1.0, pressure=-1.0)
     with pytest.raises(InputError, match="between 1 and 200"):
         posterior(0.0).rows(201)
+
+
+def test_kernels_predict_and_slope_as_the_law_does_by_xla(monkeypatch):
+    """One law, lowered or compiled by XLA: they differ by the order of additions only; chains beside each other as one."""
+    fitted = mk.fit("DMSP-20-300", law="linear_threshold", schemes=())
+    problem = Problem(fitted.law, tuple(fitted.parameters), dict(fitted.known), fitted.points)
+    kernels = _model_of(problem)
+    monkeypatch.setattr(sampler._host, "current", kernels["host"])
+    monkeypatch.setattr(Problem, "at_once", lambda problem: None)
+    rows = np.array([p.value for p in fitted.parameters.values()]) / problem.scale * [[1.0], [0.97], [1.02]]
+    weights = np.random.default_rng(0).standard_normal(len(fitted.points))
+
+    def both(of):
+        return jax.vmap(jax.value_and_grad(lambda x: weights @ of["model"](x, of["inputs"])))(rows)
+
+    for mine, exact in zip(both(kernels), both(_model_of(problem)), strict=True):
+        np.testing.assert_allclose(mine, exact, rtol=1e-9)  # sums of many terms of both signs
 
 
 def two_basins(x, inputs):

@@ -296,7 +296,7 @@ def test_a_tension_that_has_not_settled_when_the_valve_is_shut_is_run_for_longer
     wish = replace(WISH, length=0.2)
     one = judged(design(wish)[0], wish)
     tube = next(p for p in parts("tube") if p.id == "paper-1/8")
-    lane = lines._held(one, wish, specimen("MHE2-3-2"), tube, wish.tube_length)[0]
+    lane = lines._lane(one, wish, specimen("MHE2-3-2"), tube, wish.tube_length, one.muscle.longest)
     short = replace(lane, fills=lane.fills / 15.0)
     (usual,), cut = courses([lane]), courses([short])
     assert usual.settled and not cut[0].settled and cut[0].top < 0.99 * usual.top

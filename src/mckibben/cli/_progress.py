@@ -8,11 +8,13 @@ a machine is moving, which is vented first.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -21,6 +23,7 @@ import typer
 from . import _terminal
 
 PATIENCE = 0.12  # that a command has to end by itself after Ctrl-C [s]
+PATIENT_PIPE = 2.0  # that work takes before its progress is written into a pipe [s]
 INTERRUPTED = 130
 ENDING = tuple(getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n))
 
@@ -131,15 +134,15 @@ def _end(code: int) -> None:
 
 
 class Progress:
-    """A bar with the time left, or a line with the time passed where the amount of work is not known."""
+    """A bar with the time left, a line with the time passed where the amount of work is not known, or lines in a pipe."""
 
-    def __init__(self, bar: Any, task: Any, title: str) -> None:
+    def __init__(self, bar: Any, task: Any, title: str, *, piped: bool = False) -> None:
         self._bar, self._task, self._what = bar, task, title
+        self._begin, self._next = time.monotonic(), PATIENT_PIPE if piped else math.inf
 
     def __call__(self, words: str = "", by: float = 1.0) -> None:
         """Tell what is done now, and how many parts more are done."""
-        if self._bar is not None:
-            self._bar.update(self._task, advance=by, description=f"{self._what}: {words}" if words else self._what)
+        self._show(words, 1.0, advance=by)
 
     def tell(self, words: str) -> None:
         """Tell what is done now."""
@@ -147,14 +150,26 @@ class Progress:
 
     def at(self, done: float, total: float) -> None:
         """Tell how far it is, both in seconds of the run."""
-        if self._bar is not None:
-            words = f"{self._what}: {done:.1f} s of {total:.1f} s"
-            self._bar.update(self._task, completed=done, total=total, description=words)
+        self._show(f"{done:.1f} s of {total:.1f} s", completed=done, total=total)
 
     def reached(self, done: float, total: float, words: str) -> None:
         """Tell how much is done altogether, with words."""
+        self._show(words, completed=done, total=total)
+
+    def _show(self, words: str, pause: float = 1.5, **changes: float) -> None:
+        said = f"{self._what}: {words}" if words else self._what
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total, description=f"{self._what}: {words}")
+            self._bar.update(self._task, description=said, **changes)
+        elif (passed := time.monotonic() - self._begin) >= self._next:
+            typer.echo(said, err=True)
+            self._next = pause * passed  # a stage has a line of its own, and hours of samples have twenty
+
+
+def _is_piped() -> bool:
+    """Whether standard error goes to another program or a file, and is not collected by this one."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        return sys.stderr.fileno() >= 0
+    return False
 
 
 @contextlib.contextmanager
@@ -165,7 +180,7 @@ def progress(
     saved: str | Callable[[], str] = "nothing was written",
     guarded: bool = True,
 ) -> Iterator[Progress]:
-    """Show progress on standard error, on a terminal only.
+    """Show progress on standard error: on a terminal as a bar, in a pipe or file as lines.
 
     Args:
         title: is done, such as ``fitting``.
@@ -177,7 +192,7 @@ def progress(
     _guard.sentence = saved
     with contextlib.nullcontext() if guarded else protected():
         if not sys.stderr.isatty() or _terminal.is_quiet():
-            yield Progress(None, None, title)
+            yield Progress(None, None, title, piped=_is_piped() and not _terminal.is_quiet())
             return
         from rich import progress as rich_progress
         from rich.console import Console

@@ -455,7 +455,8 @@ def _fit_stages(given: Mapping[str, Any]) -> int:
     count = sum(name != "all" for name in laws) + (len(LAWS) if "all" in laws else 0)
     forms = 2 * len(tuple(FRICTIONS)) if given.get("hysteresis") else 0
     tables = 1 if given.get("runs") else len(given["tables"])
-    return int(tables * (count * (1 + len(SCHEMES)) + forms))
+    samples = 0 if not given.get("posterior") else count if len(laws) > 1 else 1
+    return int(tables * (count * (1 + len(SCHEMES)) + forms + samples))
 
 
 fit_tables = VerbCommand(

@@ -47,10 +47,17 @@ Model = Callable[[Any, Tree], Any]
 
 
 class HostModel(NamedTuple):
-    """A prediction (n,) and its derivatives (n, p) by the parameters (p,), of arrays of NumPy."""
+    """A prediction (n,) and its derivatives (n, p) by the parameters (p,), of arrays of NumPy; or both, of rows (r, p)."""
 
     predict: Callable[[np.ndarray], np.ndarray]
     slopes: Callable[[np.ndarray], np.ndarray]
+    rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+
+    def both(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Predictions (r, n) and derivatives (r, n, p) of several parameters (r, p)."""
+        if self.rows is not None:
+            return self.rows(rows)
+        return np.stack([self.predict(row) for row in rows]), np.stack([self.slopes(row) for row in rows])
 
 
 CHAINS, WARM_UP, DRAWS = 4, 500, 2000
@@ -489,9 +496,9 @@ def _predicted(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predictions (.., n) and derivatives (.., n, p) of parameters (.., p), finite everywhere."""
     x, host = np.asarray(x), _host.current
     assert host is not None
-    rows = x.reshape(-1, x.shape[-1])
-    values = np.nan_to_num(np.stack([host.predict(row) for row in rows]), nan=FAR, posinf=FAR, neginf=-FAR)
-    slopes = np.nan_to_num(np.stack([host.slopes(row) for row in rows]), nan=0.0, posinf=0.0, neginf=0.0)
+    values, slopes = host.both(x.reshape(-1, x.shape[-1]))
+    values = np.nan_to_num(values, nan=FAR, posinf=FAR, neginf=-FAR)
+    slopes = np.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
     return values.reshape(*x.shape[:-1], -1), slopes.reshape(*x.shape[:-1], values.shape[-1], x.shape[-1])
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from .._jax import Scalar, Tree, jit, jnp
 from ..answers import Caution
+from ..components.programs import evaluated
 from ..errors import InputError
 from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_unit
 from ..specimens import Specimen, SpecimenNumber
@@ -127,6 +128,7 @@ def youngs_modulus(shore: Scalar) -> Scalar:
     return 0.0981e6 * (56.0 + 7.62336 * shore) / (0.137505 * (254.0 - 2.54 * shore))
 
 
+@evaluated
 def straight_line(law: TensionLaw, longest: Scalar, shortest: Scalar, limit: Scalar = 0.0) -> tuple[Tree, Tree]:
     """Least-squares slope of the force per pressure over five lengths of the stroke, Kg [m], and its zero, Lmin [m].
 

@@ -193,7 +193,7 @@ def fit_tables(
     samples: list[Mapping[str, Posterior]] = []
     if posterior:
         sensors = None if rig is None else map_sensors(rig if isinstance(rig, Rig) else rig_file.rig(rig))
-        samples = [_posteriors(one, sensors, draws, every=len(law or ()) > 1) for one in rankings]
+        samples = [_posteriors(one, sensors, draws, every=len(law or ()) > 1, progress=progress) for one in rankings]
     return FittedTables(
         tuple(rankings), tuple(samples), collect(*(caution for one in rankings for caution in one.cautions))
     )
@@ -213,11 +213,26 @@ def map_sensors(rig: Rig) -> MapSensors:
     return MapSensors(tension=noise["tension"], pressure=noise["pressure"], length=length)
 
 
-def _posteriors(ranking: Ranking, sensors: MapSensors | None, draws: int, *, every: bool) -> dict[str, Posterior]:
-    """Samples of the best law of a table, or of every law that converged."""
+def _posteriors(
+    ranking: Ranking,
+    sensors: MapSensors | None,
+    draws: int,
+    *,
+    every: bool,
+    progress: Callable[[str], None] | None = None,
+) -> dict[str, Posterior]:
+    """Samples of the best law of a table, or of every law that converged; what least squares say is told before."""
+
+    def sampled(fit: Fit) -> Posterior:
+        if progress is not None:
+            ends = [(name, *(with_unit(x, e.unit, 3) for x in (e.low, e.high))) for name, e in fit.parameters.items()]
+            said = ", ".join(f"{name} {low} to {high}" for name, low, high in ends)
+            progress(f"samples of {fit.law}; by least squares alone {said}")
+        return fit.posterior(sensors=sensors, slack=slack if len(slack) else None, draws=draws)
+
     slack = ranking.points.select(ranking.points.informative_slack)
     fits: list[Fit] = [f for f in ranking.fits if f.converged or f is ranking.best] if every else [ranking.best]
-    return {f.law: f.posterior(sensors=sensors, slack=slack if len(slack) else None, draws=draws) for f in fits}
+    return {f.law: sampled(f) for f in fits}
 
 
 def _known(changes: Changes | None, laws: Sequence[str]) -> dict[str, float]:

@@ -13,11 +13,13 @@ from ..._jax import Tree, jax, jnp
 from ...analysis.steps import LAST, settling
 from ...assembly.build import AirLine, circuit_for
 from ...assembly.muscle_unit import MuscleUnit
-from ...components import Environment, Scalar, jit_arrays
+from ...components import Environment, Scalar
 from ...components.flow import FlowElement
+from ...components.module import flatten, map_leaves
 from ...components.system import Moment, System, Value
 from ...documents import JsonValue
 from ...engine.integration import march
+from ...engine.native import call_compiled, call_in_lanes
 from ...engine.rates import RK4_LIMIT
 from ...engine.signals import Signal, held, ramped
 from ...muscles.law import TensionLaw
@@ -162,11 +164,15 @@ def time_scale(lane: Lane, port: float) -> float:
 def courses(lanes: Sequence[Lane]) -> list[Course]:
     """Simulate all lanes; those with circuits of the same structure run together."""
     prepared = [_prepared(lane) for lane in lanes]
-    groups: dict[Any, list[int]] = {}
+    groups: list[tuple[Any, list[int]]] = []  # tables in static fields have no hash
     for i, (tree, _) in enumerate(prepared):
-        groups.setdefault(jax.tree.structure(tree), []).append(i)
+        structure = flatten(tree)[1]
+        alike = next((members for known, members in groups if known == structure), None)
+        if alike is None:
+            groups.append((structure, alike := []))
+        alike.append(i)
     results: list[Course | None] = [None] * len(lanes)
-    for members in groups.values():
+    for _, members in groups:
         order = sorted(members, key=lambda i: prepared[i][1])
         for begin in range(0, len(order), CHUNK):
             part = order[begin : begin + CHUNK]
@@ -226,48 +232,43 @@ def _stiffest(watched: _Watched, signals: dict[str, Signal], period: float, lane
 
 
 def _together(lanes: Sequence[Lane], prepared: Sequence[tuple[Any, float]]) -> list[Course]:
-    trees = [tree for tree, _ in prepared]
-    trees += [trees[-1]] * (CHUNK - len(trees))
-    stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *trees)
+    stacked = map_leaves(lambda *leaves: np.stack(leaves), *(tree for tree, _ in prepared))
     steps = max(1, int(np.ceil(max(RESERVE * n for _, n in prepared))))
     while True:
         steps = min(steps, MOST_STEPS)
-        out = jax.tree.map(np.asarray, _marched(stacked, np.int64(steps)))
-        h = np.asarray(stacked[2]) / steps
+        out = call_in_lanes(_marched, (np.int64(steps),), (stacked,))
+        h = stacked[2] / steps
         needed = np.max(out["rate"], axis=1) * h / RK4_LIMIT
         # Beyond the limit by a little is still stable in practice: the bound is an upper one.
-        short = np.nan_to_num(needed[: len(lanes)], nan=np.inf) <= 1.0 + 1e-9
+        short = np.nan_to_num(needed, nan=np.inf) <= 1.0 + 1e-9
         if bool(short.all()) or steps == MOST_STEPS:
             break
-        worst = float(np.max(needed[: len(lanes)]))
+        worst = float(np.max(needed))
         steps = int(np.ceil(steps * (1.05 * worst if np.isfinite(worst) else 2.0)))
     results = []
     for i in range(len(lanes)):
         period = float(stacked[2][i])
         tension, pressure = out["tension"][i], out["pressure"][i]
         sound = bool(short[i] and np.isfinite(tension).all() and np.isfinite(pressure).all())
-        length = np.asarray(stacked[1][f"{NAME}.length"].values[i])
+        length = stacked[1][f"{NAME}.length"].values[i]
         time = period * np.arange(SAMPLES + 1)
         results.append(Course(time, pressure, length, tension, period * TURN, sound))
     return results
 
 
-@jit_arrays
-def _marched(stacked: Any, steps: Any) -> dict[str, JsonValue]:
-    def one(tree: Tree) -> dict[str, JsonValue]:
-        watched, signals, period, room = tree
-        signals = watched.circuit.commands(signals)
-        first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
-        circuit = watched.circuit
-        state = circuit.at_rest({name: room for name in circuit.chambers}, first)
-        if "muscle.valve" in circuit.elements:  # a regulator rests at zero until the command comes
-            state["elements"]["muscle.valve"] = jnp.zeros(())
-        memory = circuit.initial_memory(state, first)
-        _, kept = march(watched, state, memory, signals, period, steps, SAMPLES, False)
-        outputs: dict[str, Any] = kept[2]
-        return outputs
-
-    return jax.vmap(one)(stacked)
+def _marched(steps: Any, lane: Any) -> dict[str, Tree]:
+    """Outputs of a prepared lane at all samples, with a number of steps in each."""
+    watched, signals, period, room = lane
+    signals = watched.circuit.commands(signals)
+    first = {n: s.at(0, 0.0, period) for n, s in signals.items()}
+    circuit = watched.circuit
+    state = circuit.at_rest({name: room for name in circuit.chambers}, first)
+    if "muscle.valve" in circuit.elements:  # a regulator rests at zero until the command comes
+        state["elements"]["muscle.valve"] = jnp.zeros(())
+    memory = circuit.initial_memory(state, first)
+    _, kept = march(watched, state, memory, signals, period, steps, SAMPLES, False, integrals=False)
+    outputs: dict[str, Tree] = kept[2]
+    return outputs
 
 
 # ---- a valve's own motion
@@ -283,7 +284,7 @@ def _valve_time(valve: FlowElement) -> float:
 
 def _openings(valve: FlowElement, command: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times after a command [s], and openings of fill and vent."""
-    key = tuple(float(x) for x in jax.tree.leaves(valve))
+    key = tuple(float(x) for x in flatten(valve)[0])
     return _opening_course(_Same(valve, key), command)
 
 
@@ -305,12 +306,11 @@ def _opening_course(same: _Same, command: float) -> tuple[np.ndarray, np.ndarray
     valve: Any = same.valve
     dead = 0.0 if valve.delay() is None else float(valve.delay())
     h = VALVE_TIMES * (_valve_time(valve) + 1e-5) / OPENINGS
-    fill, vent = (np.asarray(x) for x in _moved(valve, jnp.asarray(command), jnp.asarray(h)))
+    fill, vent = call_compiled(_moved, valve, np.float64(command), np.float64(h))
     time = h * np.arange(OPENINGS + 1)
     return np.concatenate([[0.0], dead + time]), np.append(fill[0], fill), np.append(vent[0], vent)
 
 
-@jit_arrays
 def _moved(valve: Any, command: Scalar, h: Scalar) -> tuple[Scalar, Scalar]:
     """Openings of fill and vent over `OPENINGS` steps, from the other end of the stroke (midpoint rule)."""
     rising = command > 0.5

@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._jax import jit, jnp
+from ..._jax import jnp
 from ...components.gas import AIR
+from ...engine.native import call_in_lanes
 from ...errors import InputError
 from ...muscles import braid
 from .braid_law import BRAID_LAWS, INFERRED, INFERRED_IN, LawError, braid_law, error_of_braid, usual
@@ -112,8 +113,9 @@ def shapes_of(law: str, pressure: float, angles: np.ndarray, contractions: np.nd
     """Evaluate a law at all angles and contractions, (angles, contractions)."""
     angle, contraction = np.meshgrid(angles, contractions, indexing="ij")
     long_, short = np.cos(angle), np.cos(angle) * (1.0 - contraction)
-    asked = (np.asarray(x) for x in _asked(law, long_, short, pressure))
-    pull, middle, end, long_added, added, volume, stiff = asked
+    every = (long_.ravel(), short.ravel())
+    asked = call_in_lanes(_ask, (np.float64(pressure),), every, mode="strict", law=law)
+    pull, middle, end, long_added, added, volume, stiff = (x.reshape(angle.shape) for x in asked)
     sound = (added > 0.0) & (stiff > 0.0) & (pull > middle) & (middle > end) & (short > np.cos(STEEPEST))
     # Where the line through what the gas adds would pass zero: a braid is slack at 0.58 of its threads, a flat one never.
     falls = long_added - added
@@ -122,7 +124,7 @@ def shapes_of(law: str, pressure: float, angles: np.ndarray, contractions: np.nd
     return Shapes(angle, contraction, pull / over, added / over, volume / over, sound)
 
 
-def _ask(law: str, longest: Any, shortest: Any, pressure: Any) -> tuple[Any, ...]:
+def _ask(pressure: Any, longest: Any, shortest: Any, law: str) -> tuple[Any, ...]:
     made = braid_law(law, thread_length=1.0, diameter=UNIT, longest=longest, shortest=shortest)
     middle = 0.5 * (longest + shortest)
     pull, half, end = (made.braid_tension(x, pressure) for x in (longest, middle, shortest))
@@ -136,9 +138,6 @@ def _ask(law: str, longest: Any, shortest: Any, pressure: Any) -> tuple[Any, ...
         made.braid_volume(shortest, pressure),
         made.braid_stiffness(0.999 * longest, pressure),
     )
-
-
-_asked = jit(_ask, static_argnums=0)
 
 
 def sizes_of(shapes: Shapes, wish: Requirements, error: LawError) -> Sizes:

@@ -207,7 +207,11 @@ class LawAtPressure:
 
     def added(self, length: Scalar) -> np.ndarray:
         """Tension added by the gas [N]."""
-        active: np.ndarray = self.tension(length) - self.passive(length)
+        pressures = np.reshape((self.pressure, 0.0), (2, *(1,) * np.ndim(length)))
+        full, empty = self.probe.tension(
+            length, pressures
+        )  # in one call of the kernel: a sizing asks thousands of times
+        active: np.ndarray = full - np.maximum(empty, 0.0)
         return active
 
     def volume(self, length: Scalar, pressure: float | None = None) -> float:

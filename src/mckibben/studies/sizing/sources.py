@@ -17,9 +17,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from ..._jax import Scalar
 from ...answers import brief
 from ...components.flow import GasState
 from ...components.gas import AIR, REFERENCE_DENSITY
+from ...engine.native import call_compiled
 from ...pneumatics.compressor import Compressor
 from ...quantities import with_unit
 from ...specimens.parts import CataloguePart, parts
@@ -266,10 +270,15 @@ def _compressor(part: CataloguePart, muscle: Judged, wish: Requirements, air: fl
 def adiabatic_work(wish: Requirements, pressure: float) -> float:
     """Work to compress ambient air to a gauge pressure without heat exchange and losses [J/kg]."""
     machine = Compressor(displacement=1e-5, speed=150.0, clearance=0.0, efficiency=1.0)
-    room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)
-    gas = (GasState(room, warm), GasState(pressure + room, warm))
+    room, warm = wish.environment.pressure_abs, wish.environment.temperature
+    numbers = (np.float64(x) for x in (room, pressure + room, warm))
+    return float(call_compiled(_specific_work, machine, *numbers, mode="strict"))
+
+
+def _specific_work(machine: Compressor, inlet: Scalar, outlet: Scalar, warm: Scalar) -> Scalar:
+    gas = (GasState(inlet, warm), GasState(outlet, warm))
     (flow,) = machine.flows(gas, (), 1.0, 1.0)
-    return float(machine.shaft_power(gas, (), 1.0, 1.0) / flow)
+    return machine.shaft_power(gas, (), 1.0, 1.0) / flow
 
 
 def _heated(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
