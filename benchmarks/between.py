@@ -31,6 +31,7 @@ from mckibben.identification.calibration import muscle_of_fit
 from mckibben.identification.fit import Fit, fit
 from mckibben.recordings import ForceMap, read_force_map
 from mckibben.specimens.model import BETWEEN_COMPONENTS
+from mckibben_benchmark.tasks import reading_places
 from mckibben_benchmark.validation import AARL_ZERO, PLATEAUS, measured_data
 
 LAW = "seated_braid"
@@ -41,7 +42,6 @@ TWENTY_ZERO, TWENTY_SLACK = 11e3, 18.595  # pressure zero [Pa] and what the forc
 SET_LENGTHS = {0.219: 0.216, 0.209: 0.206}  # of the muscle of 225 mm: as its files are named, which fits better [m]
 TAUT = 2.0  # below which the 20 mm muscle hangs slack, a count of its converter [N]
 TWENTY_LENGTHS = 3.0  # lengths on the rig of the 20 mm muscles, over those of the other
-READ_AT, SHORTENED = 5.5e5, 0.96
 HOW = ("none", "rest", "4 %", "both")
 COMPARED = 60  # points of one muscle, of many evenly so many, from which variances are estimated
 PRIOR = np.log(2.0)  # standard deviation of the logarithm of a variance's root
@@ -161,20 +161,8 @@ def estimated(row: Row) -> Between:
 
 def places(row: Row, how: str) -> list[int]:
     """Indices of the readings of a muscle among its points with tension."""
-    test, rest = row.test, row.rest_length
-    lengths = np.unique(test.length[test.length < rest - 1e-6])
-    second = lengths[1] if row.far else lengths[np.argmin(np.abs(lengths - SHORTENED * rest))]
-    wanted = {"none": [], "rest": [rest], "4 %": [second], "both": [rest, second]}[how]
-    found = []
-    for length in wanted:
-        assert test.branch is not None
-        away = (
-            1e6 * np.abs(test.length - length)
-            + np.abs(test.pressure - READ_AT) / 1e5
-            + 1e3 * (test.branch != "inflate")
-        )
-        found.append(int(np.argmin(away)))
-    return found
+    both = reading_places(row.test, row.rest_length, far=row.far)
+    return {"none": [], "rest": both[:1], "4 %": both[1:], "both": both}[how]
 
 
 def new_muscle(row: Row, between: Between | None = None) -> NewMuscle:

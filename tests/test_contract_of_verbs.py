@@ -162,6 +162,40 @@ def test_terminal_json_table_and_python_say_the_same(ask, name, tmp_path, monkey
     assert json.loads(printed) == json.loads(json_text(few.to_dict() | {"warnings": cautions} | unwritten))
 
 
+# Questions about one muscle, for the verbs whose answers are made from a specimen.
+OF_A_MUSCLE = {
+    "show": "{}",
+    "tension": "{} --contraction 2% --pressure 3bar",
+    "energy": "{} --pressure 3bar --cycle maximal",
+    "size": "--muscle {} --force 10N --stroke 1cm --pressure 3bar --no-lines",
+    "compare": "{} --pressure 3bar",
+    "joint": "{} --command flexor=0.1 --duration 0.02s",
+}
+# They compare a specimen with something measured, whose answer has intervals of its own.
+OF_MEASUREMENTS = {"fit", "fit --friction", "diagnose", "record energy", "next"}
+
+
+@pytest.mark.parametrize("muscle", ["festo-10mm", "nylon"])
+@pytest.mark.parametrize("name", OF_A_MUSCLE)
+def test_an_answer_made_from_a_specimen_states_its_interval_or_that_it_has_none(ask, name, muscle):
+    words = "lies within 20 % of its largest tension (95 %)" if muscle == "festo-10mm" else "no interval"
+    code, out, err, _ = ask(name, *OF_A_MUSCLE[name].format(muscle).split())
+    assert code == 0, err
+    assert words.lower() in " ".join(out.lower().split())
+    code, printed, *_ = ask(name, *OF_A_MUSCLE[name].format(muscle).split(), "--json")
+    assert code == 0 and words in printed
+
+
+def test_every_verb_about_a_muscle_is_asked_for_its_interval():
+    about = {
+        name
+        for name, command in COMMANDS.items()
+        for p in verbs.described(command.place).parameters.values()
+        if p.type.word.partition("|")[0] == "SPECIMEN"
+    }
+    assert about - {"export"} == set(OF_A_MUSCLE) | OF_MEASUREMENTS
+
+
 @pytest.mark.parametrize(("name", "p"), QUANTITIES, ids=lambda one: getattr(one, "name", one))
 def test_each_quantity_refuses_another_dimension_by_the_name_that_its_user_gave(name, p):
     command = COMMANDS[name]

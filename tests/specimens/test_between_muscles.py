@@ -1,6 +1,7 @@
 """How far another muscle of a specimen's make is from its law, and a muscle that was calibrated by readings."""
 
 import csv
+import dataclasses
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import mckibben as mk
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.identification.between import Between
 from mckibben.identification.calibration import new_muscle
-from mckibben.muscles.evidence import error_of, law_error, make_band, make_spread
+from mckibben.muscles.evidence import error_of, half_width, law_error, make_band, make_spread
+from mckibben.specimens import SpecimenNumber
 from mckibben.specimens.model import BETWEEN_COMPONENTS
 from mckibben.studies.tension import tension
 from measured_data import FOLDER, measured
@@ -31,7 +33,26 @@ def test_specimens_state_how_far_another_muscle_of_the_make_is_and_metadata_have
     assert stated == pytest.approx(usual, rel=1e-12)  # 0.45 mm to rounding
     assert make_spread(mk.specimen("DMSP-40-400")).elsewhere == 0.2
     assert make_spread(mk.specimen("nylon")) is None
-    assert "between_muscles" not in law_error(mk.specimen("nylon"), "linear_threshold")
+    none = law_error(mk.specimen("nylon"), "linear_threshold")
+    assert law_error(mk.specimen("MPYE-5-1-8-LF"), "") is None  # a valve has no tension
+    assert "between_muscles" not in none and none["interval"].startswith("no interval: nothing says")
+
+
+def test_a_muscle_that_was_characterised_has_its_own_interval() -> None:
+    stated = mk.specimen("nylon")
+    own = SpecimenNumber(value=0.5, unit="N")
+    spec = dataclasses.replace(stated, properties=stated.properties | {"tension_uncertainty": own})
+    answer = tension(spec, length="12 cm", pressure="5 bar")
+    low, high = answer.interval
+    assert high - low == pytest.approx(1.0, rel=1e-9) and answer.band == "95 %, this muscle"
+    assert "within 0.5 N" in law_error(spec, spec.law)["interval"]
+
+
+def test_a_muscle_of_the_make_that_is_cut_has_an_interval_of_its_own_largest_tension() -> None:
+    spec, law = mk.specimen("festo-10mm"), mk.muscle("festo-10mm", rest_length="132 mm").law
+    assert half_width(spec, law) == pytest.approx(0.2 * float(law.tension(0.132, 6.15e5)), rel=1e-9)
+    wider = law.replace(rest_diameter=2.0 * law.rest_diameter)
+    assert half_width(spec, wider) is None  # nothing was measured of another bore
 
 
 def test_an_answer_has_the_interval_of_the_make_around_the_same_tension() -> None:

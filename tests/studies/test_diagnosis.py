@@ -19,7 +19,7 @@ from mckibben.studies.diagnosis.fault_fit import (
     observer_of,
     sections_of,
 )
-from mckibben.studies.diagnosis.observer import RecordedSection, filtered, mean_reading
+from mckibben.studies.diagnosis.observer import LENGTH_OFF, RecordedSection, filtered, mean_reading
 
 PERIOD = 1e-3
 TIME = 0.5 + PERIOD * np.arange(1600)
@@ -118,6 +118,14 @@ def test_a_muscle_that_its_file_has_slack_where_it_is_taut_is_no_fault(observer)
     result = diagnose(sound, rig="modern", muscle=paths.put(rig_unit("nylon"), {"law.rest_length": 0.1411}))
     assert (result.fault, result.calibration, result.described) == ("", "", True)
     assert result.misfit < 1.5  # as above
+
+
+def test_a_fault_that_a_stated_number_hides_is_not_said_to_be_seen(observer):
+    # Slack is a length, which may be off by LENGTH_OFF at no cost beyond one deviation; warm rubber is a stiffness of 5 %.
+    result = found(record(observer))
+    assert result["clamp_slack"].limit > LENGTH_OFF and result["rubber_warming"].limit > 15.0
+    beside = found(record(observer, clamp_slack=LENGTH_OFF))
+    assert not beside.fault and beside.described and beside["clamp_slack"].limit > LENGTH_OFF
 
 
 def test_a_leak_is_found_beside_a_file_that_is_off(observer):

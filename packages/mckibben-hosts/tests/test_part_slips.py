@@ -1,6 +1,7 @@
 """Laws of values where they enter a part: what cannot be is refused, what can hardly be meant stands with its export."""
 
 import json
+import warnings
 
 import pytest
 
@@ -65,3 +66,13 @@ def test_a_step_that_cannot_be_is_refused_and_a_command_beyond_its_range_is_said
         for _ in range(3):
             state, _ = part.step(state, **usual | {"muscle": 3e5})
     assert len(caught) == 1
+
+
+@pytest.mark.parametrize(("muscle", "words"), [("festo-10mm", "(95 %)"), ("nylon", "no interval")])
+def test_a_part_states_how_far_the_tension_of_its_muscle_may_be_off(muscle, words, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PlausibilityWarning)
+        part = Part(muscle)
+    assert words in part.statement
+    about = next(path for path in export(part, "c", tmp_path) if path.suffix == ".json" and "schema" not in path.name)
+    assert words in json.loads(about.read_text(encoding="utf-8"))["law_error"]["muscle"]["interval"]

@@ -353,6 +353,20 @@ class Fit(FittedLaw):
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
         return muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
 
+    def between_numbers(self) -> dict[str, SpecimenNumber]:
+        """How far muscles of the kind differ, and half widths of a tension's 95 % interval, as numbers of a specimen.
+
+        Empty where the fit does not tell it.
+        """
+        if self.between is None or not self.converged:
+            return {}
+        shares = {name: self._one_more({}, name == "elsewhere").share() for name in ("same_rig", "elsewhere")}
+        note = "computed, of one more muscle; a share of the largest tension, mean over the measured range"
+        return self.between.numbers() | {
+            name: SpecimenNumber(value=float(f"{share:.2g}"), unit="1", inferred=True, note=note)
+            for name, share in shares.items()
+        }
+
     def predict(self, length: Any, pressure: Any, *, elsewhere: bool = False, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
 
@@ -766,7 +780,7 @@ def fitted_specimen(fits: Iterable[Fit], like: Specimen | None = None, *, name: 
         friction=friction,
         laws={f.law: _numbers(f) for f in good},
         errors={f.law: _errors(f) for f in good},
-        between={} if good[0].between is None else good[0].between.numbers(),
+        between=good[0].between_numbers(),
     )
 
 

@@ -23,7 +23,7 @@ from ..documents import JsonValue
 from ..errors import InputError, NoVolumeError
 from ..quantities import declared, with_unit
 from ..specimens import Specimen
-from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS
+from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS, MUSCLES
 from .braid import SHORTEST_SHARE, braid_of
 from .law import TensionLaw, law_name
 
@@ -113,19 +113,49 @@ def make_spread(spec: Specimen | None) -> MakeSpread | None:
 def make_band(
     spec: Specimen, law: TensionLaw, length: np.ndarray, pressure: np.ndarray, *, same_rig: bool = False
 ) -> np.ndarray | None:
-    """Lowest and highest tension (2, n) [N] of another muscle of the make, by the share that its specimen states.
-
-    None where it states none, or no rest length and highest pressure, at which the largest tension is. With `same_rig` it is
-    the share of a muscle on the rig on which the law was measured.
-    """
-    spread, needed = make_spread(spec), ("rest_length", "highest_measured_pressure")
-    share = None if spread is None else spread.same_rig if same_rig else spread.elsewhere
-    if share is None or not all(name in spec.properties for name in needed):
+    """Ends of the 95 % interval of the tension (2, n) [N], see `half_width`; None where the specimen states none."""
+    half = half_width(spec, law, same_rig=same_rig)
+    if half is None:
         return None
-    at = spec.property_si("rest_length", "m"), spec.property_si("highest_measured_pressure", "Pa")
-    half = share * float(law.tension(*at))
     own = np.asarray(law.tension(length, pressure))
     return np.stack([np.maximum(own - half, 0.0), own + half])
+
+
+def half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = False) -> float | None:
+    """Half width of the 95 % interval of a tension [N]: of this muscle if it was characterised, else of one of the make.
+
+    None where the specimen states neither, or of its make no rest length and highest pressure, at which the largest tension
+    is, and for a law of another bore. With `same_rig` it is that of a muscle on the rig on which the law was measured.
+    """
+    spread, stated = make_spread(spec), spec.properties
+    if spread is None:
+        return characterised_half_width(spec)
+    share = spread.calibrated or (spread.same_rig if same_rig else spread.elsewhere)
+    bore = getattr(law, "rest_diameter", None)
+    other = bore is not None and "rest_inner_diameter" in stated
+    other = other and abs(float(bore) / spec.property_si("rest_inner_diameter", "m") - 1.0) > SAME_LENGTH  # type: ignore[arg-type]
+    if share is None or other or not all(name in stated for name in ("rest_length", "highest_measured_pressure")):
+        return None
+    rest = getattr(law, "rest_length", None)  # of a muscle that was cut, not of the one in the file
+    at = spec.property_si("rest_length", "m") if rest is None else float(rest)
+    return share * float(law.tension(at, spec.property_si("highest_measured_pressure", "Pa")))
+
+
+def characterised_half_width(spec: Specimen) -> float | None:
+    """Half width of the 95 % interval of a tension of this very muscle [N], as it was characterised; None if it was not."""
+    return spec.property_si("tension_uncertainty", "N") if "tension_uncertainty" in spec.properties else None
+
+
+def interval_words(spec: Specimen, law: str) -> str:
+    """How far the tension of one muscle may be off, as a 95 % interval that the specimen states; or that it states none."""
+    spread, half = make_spread(spec), characterised_half_width(spec)
+    if spread is not None:
+        return f"{spread}"
+    if half is not None:
+        return f"this muscle, as characterised, lies within {with_unit(half, 'N', 2)} (95 %)"
+    error = error_of(spec, law)
+    said = "" if error is None else f"; {law} was off by {error}"
+    return f"no interval: nothing says how far another muscle of the make is from the law of {spec.id}{said}"
 
 
 def error_of(spec: Specimen | None, law: str) -> LawError | None:
@@ -141,10 +171,15 @@ def error_of(spec: Specimen | None, law: str) -> LawError | None:
 
 
 def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
-    """The error that a specimen states of one of its laws, for metadata and JSON; None where it states none."""
+    """The error that a specimen states of one of its laws and the interval of a tension, for metadata and JSON.
+
+    Where it states neither, ``interval`` says so; None without a muscle's specimen.
+    """
+    if spec is None or spec.kind not in MUSCLES:
+        return None
     error, spread = error_of(spec, law), make_spread(spec)
     said = {} if spread is None else {"between_muscles": spread.to_dict()}
-    return said or None if error is None else error.to_dict() | said
+    return ({} if error is None else error.to_dict()) | said | {"interval": interval_words(spec, law)}
 
 
 def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, JsonValue]:

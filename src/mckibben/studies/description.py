@@ -110,7 +110,9 @@ class MuscleDescription(Answer):
         title = getattr(self.law, "title", self.law_name)
         said = [] if self.law is None else [f"Law: {title}. Other laws stated: {others}."]
         error = muscles.evidence.error_of(self.specimen, self.law_name)
-        return said + ([] if error is None else [f"Error of the law: {error}."])
+        said += [] if error is None else [f"Error of the law: {error}."]
+        interval = muscles.evidence.interval_words(self.specimen, self.law_name)
+        return said + ([] if self.law is None else [f"One muscle: {interval}."])
 
     def data_sheet(self, path: str | Path) -> Path:
         """Write the data sheet of a McKibben muscle on one page, in the terms of makers' sheets.

@@ -72,7 +72,9 @@ class JointRecording(Answer):
         """How long it was, and its balances."""
         closed = ", ".join(f"{name} {share:.0e}" for name, share in dict(self.recording.meta["balance"]).items())
         samples = f"{len(self.recording)} samples in {self.recording.duration:g} s."
-        return [f"{samples} Missing in the balances: {closed}."]
+        errors: Any = self.recording.meta.get("law_error") or {}
+        intervals = (f"{name}: {error['interval']}." for name, error in errors.items() if error)
+        return [f"{samples} Missing in the balances: {closed}.", *intervals]
 
 
 @verb

@@ -129,8 +129,9 @@ class Tensions(Answer):
         known = declared(type(self.muscle.law))
         stated = (f"{n} = {with_unit(float(getattr(self.muscle.law, n)), known[n].unit)}" for n in self.defaults)
         said = [] if error is None else [f"Error of the law: {error}."]
-        spread = muscles.evidence.make_spread(self.muscle.specimen)
-        said += [] if spread is None else [f"{str(spread)[:1].upper()}{str(spread)[1:]}."]
+        spec = self.muscle.specimen
+        interval = "" if spec is None else muscles.evidence.interval_words(spec, self.law)
+        said += [f"{interval[:1].upper()}{interval[1:]}."] if interval else []
         return said + ([f"Not given, by default of the law: {', '.join(stated)}."] if self.defaults else [])
 
 
@@ -333,11 +334,11 @@ def _add_ranges(points: list[dict[str, Any]], muscle: muscles.Muscle, name: str)
 def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle, same_rig: bool) -> str:
     """Add to each point the 95 % interval of the tension of one muscle of the make; returns of which, in words."""
     spec = muscle.specimen
-    spread = muscles.evidence.make_spread(spec)
-    if spec is None or spread is None or spec.kind != "mckibben":
+    if spec is None or spec.kind != "mckibben":
         return ""
+    spread = muscles.evidence.make_spread(spec)
     length, pressure = (np.array([p[name] for p in points]) for name in ("length", "pressure"))
-    if spread.calibrated is None:
+    if spread is None or spread.calibrated is None:
         band = muscles.evidence.make_band(spec, muscle.law, length, pressure, same_rig=same_rig)
     else:
         from ..identification.between import predicted_tension
@@ -349,6 +350,8 @@ def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle, same_rig: 
         return ""
     for point, low, high in zip(points, *band, strict=True):
         point |= {"tension_low": float(low), "tension_high": float(high)}
+    if spread is None:
+        return "95 %, this muscle"
     if spread.calibrated is not None:
         return "95 %, calibrated"
     return "95 %, of the make on its rig" if same_rig else "95 %, any of the make"

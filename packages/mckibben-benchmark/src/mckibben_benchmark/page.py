@@ -8,8 +8,8 @@ from mckibben.muscles.laws import LAWS
 from mckibben.quantities import from_si
 
 from .datasets import FILLING, VENTING
-from .run import COMPETITORS, PHYSICS, BenchmarkResult, TaskScore
-from .tasks import task
+from .run import COMPETITORS, PHYSICS, BenchmarkResult, TaskScore, model_names
+from .tasks import READINGS, task
 from .validation import VARIABLE
 from .validation_page import DASH, FRONT
 from .validation_page import table as markdown_table
@@ -32,6 +32,7 @@ VERDICT_COLUMNS = (
     "muscle model is",
 )
 PHASES = (FILLING, VENTING)
+READING_COLUMNS = ("model", *(head for words in READINGS for head in (f"{words}, rms", "largest")))
 PHASE_COLUMNS = ("model", "filling, rms", "bias", "venting, rms", "bias")
 INTRO = f"""\
 Models of muscles on measured tasks: each is trained on a part of the data and predicts a part that it was not shown. What is
@@ -84,12 +85,11 @@ COMPETITOR_ROWS = (
 )
 COMPETITORS_END = """\
 Models with a memory learn from at most 750 samples of each record. All are so small that they learn in minutes on one
-processor; more time and larger networks may do better. The analytical model of Kang is not here: his
-paper was not at hand, and from what others say of it the model cannot be written down."""
+processor; more time and larger networks may do better."""
 END = """\
 ## What is not here
 
-Nothing here tells how far two muscles of one make differ, and each loop, robot and pair of muscles was measured once."""
+Nothing here tells how far two muscles of one make and length differ; each loop, robot and pair was measured once."""
 
 
 def page(result: BenchmarkResult, *, version: str = "") -> str:
@@ -112,6 +112,7 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         parts.append(
             "Not done, for their data are not at hand: " + "; ".join(f"`{name}`" for name in result.absent) + "."
         )
+    every = dict.fromkeys((*COMPETITORS, *model_names()))
     for name in result.tasks:
         one = task(name)
         sources = "; ".join(dict.fromkeys(f"{data.source} ({data.licence})" for data in one.data))
@@ -130,8 +131,15 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         ]
         if phased:
             parts += ["Filling and venting apart:", markdown_table(PHASE_COLUMNS, phased)]
+        read = [
+            [f"`{s.model}`", *(percent(f(p)) for p in READINGS for f in (s.rms, s.largest))]
+            for s in result.of(name)
+            if set(READINGS) <= set(s.phases)
+        ]
+        if read:
+            parts += ["By readings of the muscle that is predicted:", markdown_table(READING_COLUMNS, read)]
         parts += refusals(result, name)
-        missing = [f"`{model}`" for model in COMPETITORS if result.score(name, model) is None]
+        missing = [f"`{model}`" for model in every if result.score(name, model) is None]
         if summary and missing:
             parts.append(f"Not run on this task: {', '.join(missing)}.")
         parts.append(one.note)

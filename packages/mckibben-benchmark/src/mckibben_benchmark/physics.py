@@ -19,8 +19,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mckibben.errors import InputError
+from mckibben.estimation import descend
+from mckibben.identification.between import Between
+from mckibben.identification.calibration import muscle_of_fit
 from mckibben.identification.circuit_fit import fit_circuit, run_trial
 from mckibben.identification.creep_fit import LAWS, CreepFit, fit_creep
+from mckibben.identification.fit import Fit
+from mckibben.identification.fit import fit as fit_law
 from mckibben.identification.hysteresis_fit import AREA, SMOOTH, fit_loops
 from mckibben.identification.path_record import PathRecord
 from mckibben.identification.problem import SAME_LENGTH, Problem, solve
@@ -44,12 +49,14 @@ class LawModel:
 
     Args:
         law: its name, such as ``seated_braid`` or ``my.py:MyLaw``.
+        free: parameters that are fitted; as the law says by default.
         length_error: standard deviation of the error of each set length [m], used where muscles of several rest lengths are
             to train on; by default `RULER` for a law with priors, none for others.
     """
 
-    def __init__(self, law: str, *, length_error: float | None = None) -> None:
+    def __init__(self, law: str, *, free: tuple[str, ...] | None = None, length_error: float | None = None) -> None:
         default = RULER if law_type(law).priors else 0.0
+        self.free = free
         self.law, self.length_error = law, default if length_error is None else length_error
 
     def fit(self, train: Sequence[BenchmarkRecord]) -> None:
@@ -67,7 +74,7 @@ class LawModel:
         self.known = {k: v for k, v in shared.items() if k != "rest_length"}
         rest = self.points.rest_length
         errors = self.length_error if rest is not None and np.ptp(rest) > SAME_LENGTH else 0.0
-        problem = Problem.of(self.law, self.points, known=self.known, length_error=errors)
+        problem = Problem.of(self.law, self.points, known=self.known, free=self.free, length_error=errors)
         self.values = solve(problem).values(problem)
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
@@ -84,6 +91,124 @@ class LawModel:
             seen = self.points.length if self.points.rest_length is None else length
             known["upper_length"] = float(max(np.max(length), np.max(seen)))
         return build_law(self.law, known | self.values)
+
+
+class ReadMuscle:
+    """The law of muscles of several rest lengths, with the tension of one more conditioned by readings of it.
+
+    The records to train on that are of the muscle to predict are its readings; see `identification.between`.
+    """
+
+    def fit(self, train: Sequence[BenchmarkRecord]) -> None:
+        """Keep the records: which are readings is known when a muscle is asked for.
+
+        Raises:
+            InputError: the records are not of static tension.
+        """
+        if not all(record.is_static for record in train):
+            raise InputError("task", None, "must be of static points: readings are taken at rest")
+        joined(train)
+        self.train = train
+        self.fits: dict[str, Fit] = {}
+
+    def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
+        """Tension of the muscle of a record by the law of the others, and by its readings.
+
+        Raises:
+            InputError: the others are not of two or more rest lengths, or there are more than three readings.
+        """
+        length, pressure = record.inputs["length"], record.inputs["pressure"]
+        fitted = self._of_others(record.muscle)
+        own = {k: v for k, v in record.dimensions.items() if k in declared(law_type(fitted.law))}
+        reach = max(float(np.max(length)), own["rest_length"])
+        law = fitted.build(**{**own, "upper_length": reach})
+        assert fitted.between is not None
+        new = muscle_of_fit(fitted, fitted.between, law, tuple(fitted.parameters))
+        read = [r for r in self.train if r.muscle == record.muscle]
+        if read:
+            points = joined(read)
+            new = new.conditioned(list(zip(points.length, points.pressure, points.tension, strict=True)))
+        return {"tension": np.maximum(new.predict(length, pressure)[0], 0.0)}
+
+    def _of_others(self, muscle: str) -> Fit:
+        if muscle not in self.fits:
+            others = [r for r in self.train if r.muscle != muscle]
+            if len({r.dimensions.get("rest_length") for r in others}) < 2:
+                raise InputError(
+                    "task", None, "must have muscles of two or more rest lengths beside the one to predict"
+                )
+            known = {k: v for k, v in others[0].dimensions.items() if k != "rest_length"}
+            self.fits[muscle] = fit_law(
+                "seated_braid", joined(others), known=known, schemes=(), slack=False, between=Between()
+            )
+        return self.fits[muscle]
+
+
+# What Kang's static part frees of the law of Tondu and Lopez, whose factor at high pressure it has at one.
+KANG = ("rest_radius", "rest_angle", "end_factor_gain", "end_factor_pressure")
+PATH = ("rest_length", "rest_angle", "gain", "rate", "load", "friction")  # of a path [m, rad, 1, 1/Pa, Pa, Pa]
+PATH_STARTS = ((0.25, 0.4, 0.5, 1e-5, 1e5, 1e4), (0.25, 0.6, 2.0, 3e-6, 3e5, 3e3), (0.1, 0.5, -0.3, 1e-5, 2e5, 1e4))
+PATH_BOUNDS = ((0.01, 0.05, -0.95, 1e-7, 0.0, 0.0), (3.0, 1.2, 50.0, 1e-3, 2e6, 1e6))
+
+
+class KangModel:
+    """Kang's muscle, as the repository jonreal/pneu-sim states it: Tondu and Lopez with a factor of its own, and friction.
+
+        F = A0 p [3 (1 - q e)^2/tan^2 a - 1/sin^2 a] - c_c sgn(de/dt),      q = 1 + c_1 exp(-p/p_1)
+
+    At a load F the contraction follows in closed form, between an end for each direction of the friction. What is viscous
+    in the model is left out: the paths here are slow. Below the load the muscle hangs at its rest length, where the model
+    has no rubber that would hold it.
+    """
+
+    def fit(self, train: Sequence[BenchmarkRecord]) -> None:
+        """Fit the law to points of tension, or load, friction and braid to the shown samples of a path of stroke.
+
+        Raises:
+            InputError: the records are neither.
+        """
+        record, *others = train
+        if "stroke" not in record.outputs or others:
+            self.law = LawModel("tondu_lopez", free=KANG)
+            self.law.fit(train)
+            return
+        pressure, measured = record.inputs["pressure"], record.outputs["stroke"]
+        if np.ptp(pressure) <= HELD:
+            raise InputError("task", None, "must be of a path that turns: friction shows where the motion turns")
+        shown = np.isfinite(measured)
+        low, high = (np.array(ends) for ends in PATH_BOUNDS)
+        size = np.abs(PATH_STARTS[0])
+
+        def residual(scaled: np.ndarray) -> np.ndarray:
+            off: np.ndarray = (self._path(scaled * size, record) - measured)[shown]
+            return off
+
+        ends = low / size, high / size
+        found = [descend(residual, np.array(start) / size, bounds=ends) for start in PATH_STARTS]
+        self.values = min(found, key=lambda one: one.cost).x * size
+
+    def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
+        """Tension of points, or the stroke along the path that was shown in part."""
+        if "stroke" in record.initial:
+            return {"stroke": self._path(self.values, record)}
+        return self.law.predict(record)
+
+    @staticmethod
+    def _path(values: np.ndarray, record: BenchmarkRecord) -> np.ndarray:
+        rest, angle, gain, rate, load, friction = values
+        pressure = np.maximum(record.inputs["pressure"], 1.0)
+        factor = 1.0 + gain * np.exp(-rate * pressure)
+
+        def held(force: float) -> np.ndarray:
+            left = np.tan(angle) ** 2 / 3.0 * (1.0 / np.sin(angle) ** 2 + force / pressure)
+            stroke: np.ndarray = np.maximum(rest * (1.0 - np.sqrt(left)) / factor, 0.0)
+            return stroke
+
+        least, most = held(load + friction), held(max(load - friction, 0.0))
+        stroke, at = np.empty(len(pressure)), record.initial["stroke"]
+        for i, ends in enumerate(zip(least, most, strict=True)):
+            stroke[i] = at = min(max(at, ends[0]), ends[1])
+        return stroke
 
 
 MOST = 3000  # samples of records in time that a law is fitted to; more of them say the same

@@ -75,6 +75,8 @@ MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
         "friction_discrepancy": f"{__package__}.physics:FrictionDiscrepancy",
         "seated_braid_memory": f"{__package__}.physics:SeatedBraidMemory",
         "creep": f"{__package__}.physics:CreepModel",
+        "kang": f"{__package__}.physics:KangModel",
+        "seated_braid_between": f"{__package__}.physics:ReadMuscle",
         "robot_circuit": f"{__package__}.physics:RobotCircuit",
         "gaussian_process": f"{__package__}.learned:GaussianProcess",
         "perceptron": f"{__package__}.learned:Perceptron",
@@ -87,7 +89,15 @@ MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
 
 
 # Models with physics beside the laws, and models without, to compare with.
-PHYSICS = ("seated_braid_memory", "friction", "friction_discrepancy", "creep", "robot_circuit")
+PHYSICS = (
+    "seated_braid_memory",
+    "seated_braid_between",
+    "kang",
+    "friction",
+    "friction_discrepancy",
+    "creep",
+    "robot_circuit",
+)
 COMPETITORS = ("gaussian_process", "perceptron", "gru", "neural_ode", "koopman")
 
 

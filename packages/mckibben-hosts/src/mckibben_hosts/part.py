@@ -38,6 +38,7 @@ from mckibben.engine.soundness import MEANINGS, SENTENCE, Soundness
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.build import at_rest_length
 from mckibben.muscles.elements import Tendon
+from mckibben.muscles.evidence import law_error
 from mckibben.muscles.law import law_name
 from mckibben.muscles.plausible import span_limits, start_pressure_caution
 from mckibben.quantities import Quantity, named_values, with_unit
@@ -124,6 +125,7 @@ class Part:
         span: span of each muscle at the start [m].
         span_limits: by muscle, spans that it can take, and the longest length that its law is made for [m].
         cautions: what can hardly be meant of what the part is made of; an export says it.
+        law_error: of each muscle, see `muscles.evidence.law_error`; None of one without a specimen.
         mounting: how the muscles are held, one phrase.
         assumptions: numbers that nobody stated, each with where it comes from.
 
@@ -186,6 +188,7 @@ class Part:
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
         )
+        self.law_error = {name: law_error(published(one), law_name(units[name].law)) for name, one in named.items()}
         self.muscles, self.commands = tuple(units), self.hosted.commands
         settled = {command: starts[muscle] for command, muscle in self.air.settles.items()}
         self.command: dict[str, float] = {**dict.fromkeys(self.commands, 0.0), **self.air.begins, **settled}
@@ -229,7 +232,7 @@ class Part:
             InputError: the file is no circuit, or has no muscle.
         """
         plan = path if isinstance(path, CircuitPlan) else read_circuit(Path(path))
-        units, usual = {}, {}
+        units, usual, specs = {}, {}, {}
         values = plan.values()
         for name, node in plan.nodes.items():
             if node.law is None:
@@ -239,13 +242,15 @@ class Part:
             spec = specimen(stated)
             if rest is not None:  # friction and creep go with the length that the file states
                 spec, _ = at_rest_length(spec, name_of_law, {"rest_length": float(rest)})
-            units[name] = unit_from_specimen(spec).replace(law=node.law)
+            specs[name], units[name] = spec, unit_from_specimen(spec).replace(law=node.law)
             moved = node.length is None and node.signal
             usual[name] = float(values[str(node.signal)][0]) if moved else float(node.length or 0)
         if not units:
             raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
         spans = usual | _by_muscle(span, "m", "span", units)
-        return cls(units, plan, span=spans, substep=substep, title=plan.title, tendon=tendon)
+        part = cls(units, plan, span=spans, substep=substep, title=plan.title, tendon=tendon)
+        part.law_error = {n: law_error(spec, law_name(units[n].law)) for n, spec in specs.items()}
+        return part
 
     def _prepare(self) -> None:
         inputs = self.inputs(self.span, dict.fromkeys(self.muscles, 0.0), self.command)
@@ -273,9 +278,10 @@ class Part:
 
     @property
     def statement(self) -> str:
-        """How the muscles are held, and what was assumed, for the sources and descriptions of hosts."""
+        """How the muscles are held, what was assumed, and how far a tension may be off, for sources and descriptions."""
         assumed = ", ".join(map(str, self.assumptions)) or "nothing"
-        return f"{self.mounting}; assumed: {assumed}"
+        intervals = (f"; tension of {name}: {said['interval']}" for name, said in self.law_error.items() if said)
+        return f"{self.mounting}; assumed: {assumed}{''.join(intervals)}"
 
     def inputs(self, span: Mapping[str, Any], rate: Mapping[str, Any], command: Mapping[str, Any]) -> HostInputs:
         """The inputs of a moment as a tree."""

@@ -72,6 +72,7 @@ def describe(source: PartSource) -> dict[str, JsonValue]:
         "commands": list(part.commands),
         "mounting": part.mounting,
         "assumptions": assumption_table(part.assumptions),
+        "law_error": part.law_error,
         "warnings": [str(one) for one in part.cautions],
         "smallest_mass_kg": {f"{h:g} s": mass for h, mass in part.smallest_masses().items()},
         **{group: [_described(v) for v in source.of(group)] for group in ("parameters", "state", "inputs", "outputs")},

@@ -17,7 +17,7 @@ from ...errors import InputError, UnreachableError
 from ...extras import library
 from ...muscles.build import at_rest_length, changed_parameters
 from ...muscles.build import muscle as built_muscle
-from ...muscles.evidence import law_cautions
+from ...muscles.evidence import interval_words, law_cautions, law_error
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
 from ...muscles.plausible import free_length_caution, length_caution, pressure_caution, usual_pressure
@@ -346,6 +346,7 @@ class WorkingCycles(Answer):
             "overstretched": self.overstretched,
             "friction": c.friction,
             "reading": c.reading,
+            "law_error": law_error(self.specimen, self.law),
         }
         if self.curves:
             content["curves"] = [
@@ -410,7 +411,7 @@ class WorkingCycles(Answer):
             remarks.append(
                 f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper."
             )
-        return remarks
+        return [*remarks, f"Tension of one muscle: {interval_words(self.specimen, self.law)}."]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """`rows` as a data frame.

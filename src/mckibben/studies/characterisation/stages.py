@@ -34,6 +34,8 @@ STAGES = {
     "relaxation": "Stretch and hold",
     "held-out": "Held-out points",
 }
+# Stages of other questions than the whole characterisation, each run by itself.
+OTHER_STAGES = {"readings": "Readings of one of a make", "cord": "Pull on a rod in the muscle's place"}
 RATE = 100.0  # samples per second of the recordings [1/s]
 MARGIN = 0.9  # of what a rig bears
 ISOBARS = 6
@@ -45,6 +47,7 @@ DRAIN = 4.0  # in which what is left of the pressure goes, before the zeros are 
 LEAK_PRESSURE, LEAK_TIME = 2e5, 10.0  # [Pa], [s]
 LENGTH_ERROR, MOST_LENGTH_ERROR = 0.01, 0.1  # of the rest length, which a ruler misses, a share
 SEAT_TENSION = 1.0  # from which the muscle counts as taut, if the cell's noise allows [N]
+MOST_PULLED = 1.03  # of a rod's length, as far as `Bounds` lets a span go beyond the rest length
 # Of the length range at a pressure, 0 where it is slack and 1 at the rest length, in their order.
 HELD_OUT = ((0.62, 0.27, 0.81, 0.45), (0.70, 0.35, 0.15, 0.55), (0.55, 0.20, 0.40, 0.75))
 
@@ -152,6 +155,7 @@ class Progression:
         largest: largest tension at it [N].
         isobars: pressure [Pa] and shortest taut length [m] of each loop of the map.
         again: number of the loop that is measured again at the end, from 1.
+        places: span [m] and gauge pressure [Pa] of each reading of a muscle that is like others.
     """
 
     zero: float = 0.0
@@ -161,6 +165,7 @@ class Progression:
     largest: float = 0.0
     isobars: tuple[tuple[float, float], ...] = ()
     again: int = ISOBARS
+    places: tuple[tuple[float, float], ...] = ()
 
     def shortest_at(self, pressure: float) -> float:
         """Shortest taut length at a pressure [m], between those of the map."""
@@ -194,12 +199,14 @@ def protocol_of(stage: str, bounds: Bounds, known: Progression) -> Protocol:
         "map": _map,
         "relaxation": _relaxation,
         "held-out": _held_out,
+        "readings": _readings,
+        "cord": _cord,
     }[stage](bounds, known)
     needs = ["pressure sensor", "span sensor", "tension sensor", *(["shut-off"] if stage == "leak" else [])]
     head = [
         "schema = 1",
         f'name = "characterise-{stage}"',
-        f'title = "{STAGES[stage]}"',
+        f'title = "{(STAGES | OTHER_STAGES)[stage]}"',
         f"needs = {needs!r}",
         f'sample_rate = "{RATE:g} Hz"',
     ]
@@ -259,6 +266,32 @@ def _seat(bounds: Bounds, known: Progression) -> list[str]:
         _step("slack", span=(0.97 * rest, _taken(2.0)), pressure=(0.0, 1.0), record=False),
         _step("zero", hold=2.0),
         _step("pull", span=(longest, _at(speed)), hold=(longest - 0.97 * rest) / speed, until="tension >= 5 N"),
+    ]
+
+
+def _readings(bounds: Bounds, known: Progression) -> list[str]:
+    """Filled from empty at each of the places, and held before it is read."""
+    steps = []
+    for i, (length, pressure) in enumerate(known.places, 1):
+        steps += [
+            _step(f"approach {i}", span=(length, _taken(2.0)), pressure=(0.0, 1.5), hold=3.5, record=False),
+            _step(f"fill {i}", pressure=(pressure, 4.0), hold=4.0, until=_above(bounds.tension, known)),
+            _step(f"settle {i}", hold=5.0),
+            _step(f"reading {i}", hold=2.0),
+        ]
+    return [*steps, *_zeros(bounds)]
+
+
+def _cord(bounds: Bounds, known: Progression) -> list[str]:
+    """From slack to the largest tension, and back, slowly enough that nothing swings."""
+    rest = bounds.rest_length
+    longest, speed = MOST_PULLED * rest, 0.005 * rest
+    time = (longest - 0.99 * rest) / speed
+    return [
+        _step("slack", span=(0.99 * rest, _taken(2.0)), pressure=(0.0, 1.0), record=False),
+        _step("zero", hold=2.0),
+        _step("pull", span=(longest, _at(speed)), hold=time, until=_above(bounds.tension, known)),
+        _step("release", span=(0.99 * rest, _taken(4.0))),
     ]
 
 

@@ -37,7 +37,7 @@ from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
 from .evaluation import GAIN_ERROR, MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
-from .stages import ISOBARS, LENGTH_ERROR, STAGES, Bounds, Progression, planned, protocol_of
+from .stages import ISOBARS, LENGTH_ERROR, OTHER_STAGES, STAGES, Bounds, Progression, planned, protocol_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -441,7 +441,7 @@ class _Machine:
         # the tension of an unknown muscle is not foreseen; the load cell's interlock and the tests of the steps watch it
         if self.unit is None:
             return prepare_on_machine(protocol, self.session.setup.rate, foresee=False, **self.session.setup.options)
-        seed = self.seed * len(STAGES) + list(STAGES).index(stage)
+        seed = self.seed * len(STAGES) + [*STAGES, *OTHER_STAGES].index(stage)
         made = prepare(
             protocol,
             muscle=self.stand_in,

@@ -134,6 +134,9 @@ DAMPINGS, OFF_CLOSE, LIKELY_CLOSE = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0), 0.05, 0.5
 NOISE_LEFT, OTHER_LENGTHS = 1.5, (-2.0, 2.0)
 UNDESCRIBED = 3.0  # noises of the sensors that are left where no description nor fault explains a recording
 SAID_OFF, MOST_OFF = 0.5, 4  # usual errors from which on a number is shown, and numbers in a sentence
+# Share of a fault's size at which its effect is taken, too, beside numbers that may be off: at the whole size what bends in
+# it is no number's and seems to tell it from them; at a small one that is so of a simulation's roughness.
+SMALL = 0.1
 LEAST_SHARE = 0.02  # of the strongest, of a combination of the start's effects that is told from the others
 
 
@@ -697,11 +700,26 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
     variance of the block is larger by the square of that change.
     """
     compare = _Comparison(observer, sections)
-    found = _judge(compare, _describe(compare, {}).around)
+    sound = _describe(compare, {})
+    found = _judge(compare, sound.around)
     if found.fault:  # the description was bent as if the rig were sound; with the fault it may be as stated
-        _describe(compare, {found.fault: compare.searched(found.fault, found[found.fault].estimate.value)})
-        again = _judge(compare)
-        found = again if again.fault == found.fault else found
+        beside = _describe(compare, {found.fault: compare.searched(found.fault, found[found.fault].estimate.value)})
+        gain = sound.unlikely - beside.unlikely
+        if observer.description and found.fault not in RUNGS and not gain > THRESHOLD:
+            # The judgement took what the numbers do in proportion. Found anew, they explain as much without the fault.
+            lesser = [one._replace(ratio=min(one.ratio, max(gain, 0.0))) for one in found.faults]
+            left = float(np.sqrt(sound.left))
+            found = replace(
+                found,
+                fault="",
+                alternatives=(),
+                explained=left < UNDESCRIBED,
+                faults=tuple(sorted(lesser, key=lambda one: -one.ratio)),
+                misfit=max(found.misfit, left),
+            )
+        else:
+            again = _judge(compare)
+            found = again if again.fault == found.fault else found
     # nor may it be bent for a wrong zero, or for a clamp that slips or a valve that sticks, beside which it leads nowhere
     if observer.description and (not found.explained or found.fault in RUNGS):
         stated = diagnose_sections(observer._replace(description=()), sections)
@@ -825,7 +843,8 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
         compare.largest = max(float(table[0, tension].max()) for table in around)
         slips = [(CLAMP_GRIP, SIZES[CLAMP_GRIP] * rung) for rung in RUNGS[CLAMP_GRIP]]
     tried = [*tried, *slips]
-    others = compare.readings([*({n: v} for n, v in tried), {MOTION: 1.0}])
+    small = [(n, SMALL * SIZES[n]) for n in names if compare.described and n not in RUNGS]
+    others = compare.readings([*({n: v} for n, v in (*tried, *small)), {MOTION: 1.0}])
     last = 2 + len(STARTS)
     compare.begin([np.concatenate([table[:1], table[2:last]]) for table in around])
     predicted, further = compare.blocks(around), compare.blocks(others)
@@ -834,7 +853,7 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
     off_by = np.array([*compare.described.values()])
     effects_of_numbers = (predicted[last:] - sound) / OFF_STEP
     compare.measured = compare.measured + np.einsum("k,kcb->cb", off_by, effects_of_numbers)
-    changed = further[:-1] - sound
+    changed = further[: len(tried)] - sound
     compare.starts = compare.of_each_section(predicted[1:last] - sound)
     rough = maximum_filter1d(np.abs(further[-1] - sound), 3, axis=1)
     compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
@@ -844,6 +863,9 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
     effects = compare.scaled(changed)
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
+    for (n, v), effect in zip(small, further[len(tried) : -1] - sound, strict=True):
+        strength = max(float(np.sum(compare.scaled(effect) ** 2)), 1e-12) / widened
+        limits[n] = max(limits[n], _seen_from(np.array([v]), np.array([strength])))
     if max(likelihoods.values()) <= THRESHOLD:
         intervals = {
             n: (values[n] - NORMAL_QUANTILE * spread[n], values[n] + NORMAL_QUANTILE * spread[n]) for n in names

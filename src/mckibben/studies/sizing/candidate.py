@@ -19,6 +19,7 @@ from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
 from ...components.gas import AIR
 from ...documents import JsonValue
+from ...muscles.evidence import half_width, interval_words
 from ...muscles.law import TensionLaw
 from ...specimens import Specimen
 from .braid_law import LawError
@@ -106,6 +107,8 @@ class Judged:
         nominal: margins of force and stroke as the law says, without its error [1].
         air: mass that a working cycle takes from the room, without valve and tube [kg].
         speed: with which it still pulls with the wished force, behind the best line; None if it was not run [m/s].
+        interval: 95 % interval of `end_force` of one muscle, as its specimen states how far such differ [N]; None where it
+            does not.
     """
 
     muscle: Candidate
@@ -119,8 +122,18 @@ class Judged:
     nominal: Mapping[str, float]
     air: float
     speed: float | None = None
+    interval: tuple[float, float] | None = None
 
     __repr__ = brief
+
+    @property
+    def interval_words(self) -> str:
+        """How far one such muscle may be off, in words, or that nothing says it."""
+        one, ends = self.muscle, self.interval
+        if ends is not None and one.spec is not None:
+            of_make = interval_words(one.spec, one.law_name)
+            return f"{ends[0]:.3g} to {ends[1]:.3g} N at the end of the stroke (95 %): {of_make}"
+        return "no interval: nothing says how far one such muscle is from the law"
 
     @property
     def verdict(self) -> str:
@@ -152,6 +165,8 @@ class Judged:
                 "source": m.error.source,
             },
             "end_force": self.end_force,
+            "interval": None if self.interval is None else list(self.interval),
+            "interval_words": self.interval_words,
             "promised_force": self.promised_force,
             "largest_force": self.largest_force,
             "passive": self.passive,
@@ -242,10 +257,11 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
             margins[name] = limit / has - 1.0
     if muscle.rated_pressure is not None:
         margins["pressure"] = muscle.rated_pressure / wish.pressure - 1.0
+    pull, half = said - muscle.friction, None if muscle.spec is None else half_width(muscle.spec, muscle.law)
     return Judged(
         muscle,
-        said - muscle.friction,
-        said - muscle.friction - error,
+        pull,
+        pull - error,
         top,
         error,
         passive,
@@ -253,6 +269,7 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
         margins,
         nominal,
         air_of_cycle(muscle, wish),
+        interval=None if half is None else (max(pull - half, 0.0), max(pull + half, 0.0)),
     )
 
 

@@ -165,6 +165,7 @@ class Sizing(Answer):
             "wish": self.wish.parts(),
             "muscles": [one.to_dict() for one in self.muscles[:top]],
             "chosen": self.chosen.muscle.id,
+            "interval": self.chosen.interval_words,
             "misses": [
                 {"part": m.part, "asked": m.asked, "reachable": m.reachable, "sentence": m.sentence()}
                 for m in self.misses
@@ -232,7 +233,9 @@ def _asked(name: str, value: float) -> str:
 def muscle_table(sizing: Sizing) -> Table:
     """Candidates with their margins, and what the inferred numbers leave for the chosen one."""
     shown = sizing.muscles[: sizing.shown]
+    known = any(one.interval is not None for one in shown)
     notes = [_braid_words(one) for one in shown if one.muscle.kind == "braid"][:1]
+    notes += [f"{sizing.chosen.muscle.id}, one muscle: {sizing.chosen.interval_words}."]
     notes += range_words(sizing)
     notes += posterior_words(sizing)
     if not sizing.reached:
@@ -244,6 +247,7 @@ def muscle_table(sizing: Sizing) -> Table:
         Column("verdict", "does it"),
         Column("promised_force", "promised", "N", places=".1f"),
         Column("end_force", "law says", "N", places=".1f"),
+        *([Column("both", "one muscle, 95 %", "N", places=".0f", ends=("low", "high"), missing="unknown")] * known),
         Column("error", unit="1", places=".1%"),
         *(Column(f"{name}_margin", name, "1", places="+.0%") for name in SHOWN),
         Column("overall_length", "long", "m", "cm", ".1f"),
@@ -257,6 +261,7 @@ def muscle_table(sizing: Sizing) -> Table:
             "verdict": one.verdict,
             "promised_force": one.promised_force,
             "end_force": one.end_force,
+            **dict(zip(("low", "high"), one.interval or (), strict=False)),
             "error": one.muscle.error.share,
             **{f"{name}_margin": margin for name, margin in one.margins.items()},
             "overall_length": one.muscle.overall_length,

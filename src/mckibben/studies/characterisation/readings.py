@@ -1,0 +1,354 @@
+"""Two shorter questions to a rig: one muscle of a known make by two readings, and what holds a muscle by a rod in its place.
+
+Both take minutes. The readings are at the places that `next_measurement` names; they condition how far muscles of the make
+differ, see `identification.between`. The rod hardly stretches, so that what the span grows by under tension is the cord's
+and the frame's; the muscle's own length in a characterisation is the span less that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...answers import Answer, Caution, Column, Table
+from ...assembly.build import rig_unit
+from ...assembly.muscle_unit import MuscleUnit
+from ...bench.hardware.interface import Hardware
+from ...bench.rig import Rig
+from ...bench.rig_file import rig as rig_of
+from ...documents import JsonValue
+from ...engine import STEP
+from ...errors import InputError, StageError
+from ...estimation import NORMAL_QUANTILE, Estimate, descend, uncertainty
+from ...identification.between import NewMuscle, TensionReading
+from ...identification.calibration import calibrate_muscle
+from ...muscles import Muscle
+from ...muscles.build import build_law, built_muscle
+from ...muscles.elements import Tendon
+from ...quantities import in_si, with_unit
+from ...recordings import Recording
+from ...specimens import Specimen, muscle_specimen, save_specimen
+from ..next_measurement import NextReadings, readings_to_take
+from .evaluation import _part, advance, of_muscle
+from .stages import MOST_PULLED, Progression, protocol_of
+from .verb import _check, _holder, _layout, _machine, _rest_of, plan
+
+PULL_ERROR = (
+    5e-3  # standard uncertainty of a stiffness by the load cell's gain and what the rod itself stretches, a share
+)
+ROD_STIFFNESS = 1e12  # of the rod that stands in for the muscle of a simulated rig, over its stretch [N/m^2]
+LEAST_TENSION = 10.0  # to which a rod has to be pulled, and in noise of the cell [N]
+MOST_LEFT = 0.02  # rms of the tension that a cord leaves, of the largest, beyond which it is none
+
+
+@dataclass(frozen=True)
+class ReadCharacterisation(Answer):
+    """One muscle of a make, known by readings on a rig: what `characterise_like` finds.
+
+    Attributes:
+        rig: name of the rig.
+        like: id of the specimen of its make.
+        muscle: calibrated, whose specimen states the readings and the interval that they leave.
+        new: Gaussian of its tension.
+        before: mean half width of the 95 % interval without the readings, as a share of the largest tension.
+        planned: places of the readings, with the tensions that were expected.
+        seconds: machine time [s].
+        records: recordings of the stages.
+    """
+
+    rig: str
+    like: str
+    muscle: Muscle
+    new: NewMuscle
+    before: float
+    planned: NextReadings
+    seconds: float
+    records: Mapping[str, Recording]
+    cautions: tuple[Caution, ...] = ()
+
+    @property
+    def readings(self) -> tuple[TensionReading, ...]:
+        """As they were taken: length of the muscle itself, pressure and tension."""
+        return self.new.readings
+
+    @property
+    def after(self) -> float:
+        """Mean half width of the 95 % interval after the readings, as a share of the largest tension."""
+        return self.new.share()
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """One row per reading, with the tension that was expected of the make [SI]."""
+        places = zip(self.readings, self.planned.places, strict=True)
+        return [{**read._asdict(), **{k: place[k] for k in ("low", "high")}} for read, place in places]
+
+    def column_units(self) -> Mapping[str, str]:
+        """SI units of the columns of `rows`."""
+        return {"length": "m", "pressure": "Pa", "tension": "N", "low": "N", "high": "N"}
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Readings, parameters and half widths [SI]."""
+        return {
+            "rig": self.rig,
+            "like": self.like,
+            "law": self.muscle.law_name,
+            "parameters": dict(self.new.calibrated()),
+            "half_width": {"before": self.before, "after": self.after},
+            "machine_time": self.seconds,
+            **self.new.to_dict(),
+        }
+
+    def tables(self) -> list[Table]:
+        """The readings beside what was expected of the make."""
+        names = {"length": "", "pressure": "", "tension": "read", "low": "expected: from", "high": "to"}
+        units = self.column_units()
+        columns = tuple(Column(key, title or None, units[key], beside=True) for key, title in names.items())
+        after, before = 100.0 * self.after, 100.0 * self.before
+        note = f"The tension is known to {after:.1f} % of the largest (95 %), without readings to {before:.1f} %."
+        return [Table(f"Readings of a muscle like {self.like}", columns, self.rows(), (note,))]
+
+    def remarks(self) -> list[str]:
+        """Where a further reading is best taken, and how long these took."""
+        return [f"A further reading: {self.new.next_reading()}.", f"{self.seconds / 60.0:.1f} min of machine time."]
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the calibrated specimen, a ``.toml`` file that every command takes; returns its path."""
+        assert self.muscle.specimen is not None
+        save_specimen(self.muscle.specimen, path, heading=f"read on the rig {self.rig}, like {self.like}")
+        return Path(path)
+
+
+class CordStiffness(NamedTuple):
+    """What holds a muscle: `stiffness` of cord and frame in series [N/m], with its toe, and what it left of the tension.
+
+    Attributes:
+        stiffness: with its 95 % interval [N/m]; its text goes to ``cord`` of `characterise`.
+        toe: stretch over which it gets stiff [m].
+        left: rms of the tension that it leaves, over the largest [1].
+        tension: largest tension of the pull [N].
+    """
+
+    stiffness: Estimate
+    toe: Estimate
+    left: float
+    tension: float
+
+    @property
+    def tendon(self) -> Tendon:
+        """As an element."""
+        return Tendon(stiffness=self.stiffness.value, toe_length=self.toe.value)
+
+    def __str__(self) -> str:
+        value, low, high = (with_unit(one, "N/m", 4) for one in self.stiffness[:3])
+        return f"cord and frame: {value} (95 %: {low} to {high}) up to {with_unit(self.tension, 'N', 3)}"
+
+
+def characterise_like(
+    like: str | Specimen,
+    rig: Rig | str | os.PathLike[str] = "modern",
+    *,
+    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
+    rest_length: float | str | None = None,
+    same_rig: bool = False,
+    plumbing: str | None = None,
+    max_pressure: float | str | None = None,
+    max_tension: float | str | None = None,
+    cord: float | str | None = None,
+    hardware: Hardware | None = None,
+    seed: int = 0,
+    step: float = STEP,
+    progress: Callable[[float, float, str], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> ReadCharacterisation:
+    """Read one muscle of a known make on a rig, in two minutes, and calibrate the specimen of the make by it.
+
+    The muscle is found taut, filled at its rest length and shortened, as `next_measurement` says, and read.
+
+    Args:
+        like: specimen of the make, which states how far its muscles differ, such as ``festo-10mm``.
+        rig: as of `characterise`, and all that follows.
+        muscle: muscle of a simulated rig; None on a real machine.
+        rest_length: of the muscle, where it is mounted, as text or [m]; that of a simulated muscle by default.
+        same_rig: this is the rig on which the make was measured.
+        plumbing: how the pneumatic parts are joined.
+        max_pressure: highest gauge pressure, as text or [Pa].
+        max_tension: largest tension, as text or [N].
+        cord: stiffness of cord and frame in series, as text or [N/m], as `measure_cord` finds it.
+        hardware: a real machine, with the muscle mounted at the rest length; it stays open.
+        seed: of the simulated sensors' noise.
+        step: largest step of the simulated physics [s].
+        progress: told the machine time done and planned [s], and the stage.
+        stop: asked whether to end; the machine is vented then.
+
+    Raises:
+        InputError: an argument is out of its range, or the specimen does not state how far muscles of its make differ.
+        StageError: a stage could not be finished.
+
+    Examples:
+        >>> from mckibben.studies.characterisation import characterise_like
+        >>> found = characterise_like("festo-10mm", muscle="festo-10mm", max_tension="450 N")    # doctest: +SKIP
+        >>> found.muscle.tension("27 cm", "5 bar")                                             # doctest: +SKIP
+    """
+    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    if (muscle is None) == (hardware is None):
+        problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
+        raise InputError("muscle", None, problem)
+    spec = like if isinstance(like, Specimen) else muscle_specimen(like)
+    unit = None if muscle is None else rig_unit(muscle)
+    if rest_length is None:
+        if unit is None:
+            raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
+        rest_length = _rest_of(muscle, unit)
+    rest = float(in_si(rest_length, "m", field="rest_length"))
+    bounds = plan(on, rest_length=rest, plumbing=plumbing, max_pressure=max_pressure, max_tension=max_tension).bounds
+    bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
+    of_make: Any = built_muscle(spec, law=spec.law, rest_length=rest)
+    places = readings_to_take(of_make, same_rig=same_rig)
+    most = max(place["tension"] for place in places.places)
+    if most > bounds.tension:
+        expected, bears = with_unit(most, "N", 3), with_unit(bounds.tension, "N", 3)
+        raise InputError(
+            "rig", on.name, f"must bear {expected}, which such a muscle pulls where it is read, not {bears}"
+        )
+    # spans are longer than the muscle by what a known cord stretches under the tension that is expected
+    longer = [0.0 if bounds.cord is None else float(bounds.cord.stretch(p["tension"])) for p in places.places]
+    spans = tuple(
+        (min(p["length"] + by, MOST_PULLED * rest), min(p["pressure"], bounds.pressure))
+        for p, by in zip(places.places, longer, strict=True)
+    )
+    known, records, seconds = Progression(places=spans), {}, 0.0
+    with _machine(on, _layout(on, plumbing), unit, bounds, hardware, seed, step) as machine:
+        for stage in ("seat", "readings"):
+
+            def tell(time: float, planned: float, stage: str = stage, before: float = seconds) -> None:
+                if progress is not None:
+                    progress(before + time, before + planned, stage)
+
+            record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
+            _check(stage, record, on, bounds)
+            known = advance(stage, record, bounds, known)
+            records[stage] = record
+            seconds += float(max(one["end"] for one in record.meta["steps"]))
+    alone = of_muscle(records["readings"], bounds, known.zero)
+    readings = []
+    for i in range(1, len(spans) + 1):
+        part = _part(alone, f"reading {i}", "readings")
+        length, pressure, tension = (float(np.mean(part[name])) for name in ("span", "pressure", "tension"))
+        if tension - known.zero <= known.slack:
+            raise StageError("readings", f"the muscle is slack at {with_unit(length, 'm', 4)}; check the rest length")
+        readings.append(TensionReading(length, pressure - known.zero_pressure, tension - known.zero))
+    made, new = calibrate_muscle(of_make, readings, same_rig=same_rig)
+    return ReadCharacterisation(on.name, spec.id, made, new, places.before, places, seconds, records, new.cautions())
+
+
+def measure_cord(
+    rig: Rig | str | os.PathLike[str] = "modern",
+    *,
+    rod_length: float | str = "14 cm",
+    plumbing: str | None = None,
+    max_tension: float | str | None = None,
+    tendon: Tendon | None = None,
+    hardware: Hardware | None = None,
+    seed: int = 0,
+    step: float = STEP,
+    stop: Callable[[], bool] | None = None,
+) -> CordStiffness:
+    """Measure how stiff cord and frame are, by a pull on a rod that hangs in the muscle's place.
+
+    Args:
+        rig: the rig, its name or file.
+        rod_length: span at which the rod gets taut, as text or [m].
+        plumbing: how the pneumatic parts are joined; nothing is filled.
+        max_tension: largest tension, as text or [N]; what the rig bears by default.
+        tendon: cord of a simulated rig; the usual one by default.
+        hardware: a real machine with the rod mounted; it stays open.
+        seed: of the simulated sensors' noise.
+        step: largest step of the simulated physics [s].
+        stop: asked whether to end.
+
+    Raises:
+        InputError: an argument is out of its range.
+        StageError: the rod was not pulled, or what gave was no cord.
+
+    Examples:
+        >>> from mckibben.studies.characterisation import measure_cord
+        >>> print(measure_cord("modern"))    # doctest: +SKIP
+    """
+    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    length = float(in_si(rod_length, "m", field="rod_length"))
+    bounds = plan(on, rest_length=length, plumbing=plumbing, max_tension=max_tension).bounds
+    unit = None
+    if hardware is None:
+        unit = rig_unit(Muscle(_rod(length)))
+        unit = unit if tendon is None else unit.replace(tendon=tendon)
+    with _machine(on, _layout(on, plumbing), unit, bounds, hardware, seed, step) as machine:
+        record = machine.run("cord", protocol_of("cord", bounds, Progression()), None, stop)  # type: ignore[arg-type]
+    _check("cord", record, on, bounds)
+    return cord_of(record)
+
+
+def cord_of(record: Recording) -> CordStiffness:
+    """Fit a cord to the pull of a rod: where it gets taut, its toe, and its stiffness beyond.
+
+    Raises:
+        StageError: the rod was not pulled, or what gave was no cord.
+    """
+    still, pull = _part(record, "zero", "cord"), _part(record, "pull", "cord")
+    zero, noise = float(np.mean(still["tension"])), float(np.std(still["tension"]))
+    span, tension = pull["span"], pull["tension"] - zero
+    largest = float(tension.max())
+    if largest < max(LEAST_TENSION, LEAST_TENSION * noise):
+        raise StageError("cord", f"the rod was pulled with {with_unit(largest, 'N', 2)} only; check where it gets taut")
+    taut = float(span[np.argmax(tension > 0.1 * largest)])
+    slope = 0.9 * largest / max(float(span[np.argmax(tension)]) - taut, 1e-6)
+    size = np.array(
+        [slope, 1e-3, 1e-3]
+    )  # stiffness, toe, and where it gets taut, from where the pull has a tenth of it
+
+    def residual(scaled: np.ndarray) -> np.ndarray:
+        stiffness, toe, begin = scaled * size
+        stretch = span - taut - begin
+        inside = np.clip(stretch, 0.0, toe)
+        pulled = stiffness * (0.5 * inside**2 / toe + np.maximum(stretch - toe, 0.0))
+        left: np.ndarray = (pulled - tension) / largest
+        return left
+
+    found = descend(
+        residual, np.array([1.0, 0.5, -0.5]), bounds=(np.array([0.01, 1e-3, -20.0]), np.array([100.0, 20.0, 20.0]))
+    )
+    left = float(np.sqrt(np.mean(found.residual**2)))
+    if left > MOST_LEFT:
+        share = f"{100.0 * left:.2g} % of the largest tension"
+        raise StageError("cord", f"what gives under the rod is no cord: {share} are left; check that nothing slips")
+    said = uncertainty(found.jacobian, found.residual, ("stiffness", "toe", "length"))
+    error = np.hypot(said.standard_error[0], PULL_ERROR * found.x[0])
+    stiffness, toe = (float(v) for v in (found.x * size)[:2])
+    half = [NORMAL_QUANTILE * float(e) for e in (error * size[0], said.standard_error[1] * size[1])]
+    return CordStiffness(
+        Estimate(stiffness, stiffness - half[0], stiffness + half[0], "N/m"),
+        Estimate(toe, max(toe - half[1], 0.0), toe + half[1], "m"),
+        left,
+        largest,
+    )
+
+
+def _rod(length: float) -> Any:
+    """A law that hardly stretches, and pulls with nothing but that."""
+    return build_law(
+        "linear_threshold",
+        {
+            "stiffness_per_pressure": 1e-6,
+            "shortest_length": 0.5 * length,
+            "threshold_pressure": 0.0,
+            "passive_stiffness": 0.0,
+            "rest_length": length,
+            "upper_length": length,
+            "stop_stiffness": ROD_STIFFNESS,
+            "rest_volume": 1e-5,
+        },
+    )

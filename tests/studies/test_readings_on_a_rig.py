@@ -1,0 +1,62 @@
+"""One muscle of a make read on a rig, and what holds a muscle measured by a rod: of simulated rigs whose truth is known."""
+
+import numpy as np
+import pytest
+
+import mckibben as mk
+from mckibben.errors import InputError, StageError
+from mckibben.muscles.elements import Tendon
+from mckibben.studies.characterisation import characterise_like, measure_cord
+from mckibben.studies.characterisation.readings import cord_of
+
+REST = "140 mm"
+
+
+def test_two_readings_on_a_rig_find_a_muscle_that_differs_from_its_make():
+    like = mk.muscle("festo-10mm", rest_length=REST)
+    stiffer = like.law.replace(shear_modulus=1.1 * like.law.shear_modulus)
+    found = characterise_like("festo-10mm", muscle=like.with_fields(law=stiffer), same_rig=True)
+    assert [one.length for one in found.readings] == pytest.approx(
+        [0.14, 0.96 * 0.14], abs=5e-4
+    )  # of the muscle itself
+    assert found.after < 0.7 * found.before
+    assert found.seconds < 120.0  # the two minutes that it is for
+    length, pressure = (a.ravel() for a in np.meshgrid(np.linspace(0.126, 0.14, 5), np.linspace(2e5, 6e5, 4)))
+    true = np.asarray(stiffer.tension(length, pressure))
+    mean, half = found.new.predict(length, pressure)
+    assert (np.abs(true - mean) <= half).all()
+    off = [np.abs(np.asarray(one.law.tension(length, pressure)) - true).mean() for one in (like, found.muscle)]
+    assert off[1] < 0.5 * off[0]  # of the file of the make, and of this muscle
+    assert found.to_dict()["half_width"]["after"] == found.after and len(found.tables()[0].rows) == 2
+    assert found.muscle.specimen.between["calibrated"].value == pytest.approx(found.after, rel=0.05)  # two digits
+
+
+def test_a_make_that_states_no_differences_is_refused():
+    with pytest.raises(InputError, match="does not state how far muscles of its make differ"):
+        characterise_like("nylon", muscle="nylon")
+
+
+@pytest.mark.parametrize("stiffness", [6e4, 2e5])
+def test_a_rod_in_the_muscles_place_shows_cord_and_frame(stiffness):
+    found = measure_cord("modern", tendon=Tendon(stiffness=stiffness, toe_length=1e-3))
+    series = 1.0 / (1.0 / stiffness + 1.0 / float(mk.rig("modern").frame.stiffness))
+    assert found.stiffness.low <= series <= found.stiffness.high
+    # the rod stretches by 17 um at 300 N, a cord of the softer kind by 5 mm
+    assert found.stiffness.value == pytest.approx(series, rel=0.01)
+
+
+def test_what_gives_otherwise_than_a_cord_is_refused():
+    time = np.arange(0.0, 8.0, 0.01)
+    span = 0.14 + 1e-4 * np.maximum(time - 2.0, 0.0)
+    force = np.where(time < 5.0, 1e5 * (span - 0.14), 8.0)  # it slips
+    parts = ("zero", 0.0, 2.0), ("pull", 2.0, 8.0)
+    steps = [
+        {"label": name, "start": start, "end": end, "recorded": True, "case": {}, "path": f"steps.{i}", "index": i}
+        for i, (name, start, end) in enumerate(parts, 1)
+    ]
+    channels = {
+        "span": mk.Channel(span, "m", "measured", "span"),
+        "tension": mk.Channel(force, "N", "measured", "tension"),
+    }
+    with pytest.raises(StageError, match="no cord"):
+        cord_of(mk.Recording(time, channels, {"steps": steps}))
