@@ -22,7 +22,7 @@ from ..errors import InputError
 from .steps import clip
 from .task import ControlTask
 
-ITERATIONS = 8  # of Newton's method; the tension of a law is nearly straight in its pressure
+ITERATIONS = 5  # of Newton's method from the last number: three are enough; fewer are written out, and fill a board
 
 
 class Inverse:
