@@ -54,27 +54,29 @@ class Inverse:
             name: {key: ledger.state for key, ledger in u.initial_memory().items()} for name, u in units.items()
         }
         self.actuators = tuple(task.actuators.items())
-        self._packed, self._relaxed = Layout.of(self.parts).pack(self.parts), Layout.of(self.rest).pack(self.rest)
-        self._run = compile_once(_of_numbers, (self.actuators,), self.parts, self.rest, np.zeros(6))
+        self._relaxed, self._numbers = Layout.of(self.rest).pack(self.rest), np.zeros(6)
+        self._memory, parts = self._relaxed.copy(), Layout.of(self.parts).pack(self.parts)
+        run = compile_once(_of_numbers, (self.actuators,), self.parts, self.rest, self._numbers)
+        self._call, (self._after, self._found) = run.bind(parts, self._memory, self._numbers)
         self._low, self._high = task.limits
         self.reset(0.0)
 
     def reset(self, output: float) -> float:
         """Begin at rest at an output, with relaxed memory; returns the number u that holds it [SI]."""
-        self._memory, self._position = self._relaxed, self._field(output)
+        self._memory[:], self._position = self._relaxed, self._field(output)
         self._number = 0.5 * (self._low + self._high)
         for _ in range(2):  # the second time from the number that holds it
             self.advance(output)
-            self._memory = self._relaxed
+            self._memory[:] = self._relaxed
         return self._number
 
     def advance(self, output: float) -> float:
         """Go straight to an output within a sample [SI]; returns the number u at its end [SI]."""
         position = self._field(output)
-        numbers = np.array([position, self._position, self._number, self.task.period, self._low, self._high])
-        self._memory, (self._number,) = self._run(self._packed, self._memory, numbers)
-        self._position = position
-        return float(self._number)
+        self._numbers[:] = position, self._position, self._number, self.task.period, self._low, self._high
+        self._call()
+        self._memory[:], self._number, self._position = self._after, float(self._found[0]), position
+        return self._number
 
     def _field(self, output: float) -> float:
         """The value of the field of the observation at an output [SI]."""

@@ -39,7 +39,7 @@ class PredictiveControl:
         trust: float = 5e4,
         weight: float | None = None,
         every: int = 2,
-        share: float = 0.4,
+        share: float = 0.1,
     ) -> None:
         self.task, self.moves, self.perturb, self.trust = task, moves, perturb, trust
         self.every, self.share = every, share
