@@ -82,7 +82,7 @@ def _pid_step(p: Any, state: PIDState, sample: Sample) -> tuple[PIDState, Output
 class FeedForward(NamedTuple):
     """What an inverse ahead of the reference remembers: shaped references of the preview, number, memory of the muscle."""
 
-    past: Scalar
+    past: Any
     number: Scalar
     memory: Tree
 
@@ -111,7 +111,7 @@ class FeedForward(NamedTuple):
         start, to = (p["zero"] + p["sign"] * output for output in (self.past[-1], shaped))
         parts, ends = (p["units"], p["load"]), (p["period"], p["low"], p["high"])
         memory, number = advance_inverse(actuators, parts, self.memory, to, start, self.number, *ends)
-        past = jnp.concatenate([self.past[1:], shaped[None]])
+        past = jnp.append(self.past[1:], shaped)
         return FeedForward(past, number, memory), number + p["lead"] * (number - self.number) / p["period"], moving
 
 

@@ -29,7 +29,7 @@ class LQIState(NamedTuple):
     """What the controller remembers: the feed-forward and its last pressures, the estimated state, the last command."""
 
     ahead: FeedForward
-    pressures: Scalar
+    pressures: Any
     state: Scalar
     told: Scalar
     integral: RestingIntegral
@@ -92,7 +92,7 @@ class LQI(StepControl):
 
 def _lqi_step(actuators: Any, p: Any, state: LQIState, sample: Sample) -> tuple[LQIState, Outputs]:
     ahead, wanted, moving = state.ahead.advance(actuators, p, sample.wanted)
-    pressures = jnp.concatenate([state.pressures[1:], ahead.number[None]])
+    pressures = jnp.append(state.pressures[1:], ahead.number)
     error = ahead.past[0] - sample.output
     foretold = p["A"] @ state.state + p["B"] * state.told
     seen = jnp.stack([sample.pressure - pressures[0], -error])
