@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyCurve, EnergyCycle
+from ..components.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..errors import InputError
 from ..formats.columns import AMBIENT
 from ..muscles import evidence
 from ..muscles.build import from_specimen, rest_length_of, upper_length_of
 from ..muscles.laws import law_type
-from ..pneumatics.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..quantities import from_si, with_unit
 from ..studies.characterisation.stages import STAGES
 from ..studies.characterisation.verb import Characterisation
