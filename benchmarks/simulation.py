@@ -28,7 +28,7 @@ from mckibben.engine import held
 from mckibben.engine.integration import compile_march
 
 PERIOD, SAMPLES, LANES = 2e-3, 20, 1024
-TARGETS = {"step [us]": 15.0, "batch over kernel": 0.6, "ready [s]": 2.0}
+TARGETS = {"step [us]": 15.0, "batch over kernel": 0.6, "gradient over rollout": 4.0, "ready [s]": 2.0}
 FIRST = """
 import json, time
 began, used = time.perf_counter(), time.process_time()
@@ -91,6 +91,25 @@ def measure_batch(rounds: int) -> tuple[float, float, float]:
     return took.median("stepped") / each, took.median("kernel") / each, took.ratio("kernel", "stepped")
 
 
+def measure_rollout(rounds: int) -> tuple[float, float, float]:
+    """Time of a sample of a rollout and of its gradient [s], and the gradient, by the machine too, over the rollout."""
+    sim = joint()
+    sim.reset()
+    policy = lambda p, seen: {"flexor": p * (0.1 - seen.angle), "extensor": -p * (0.1 - seen.angle)}  # noqa: E731
+    run, steps = sim.rollout(policy, steps=80, cost=lambda seen, _: (seen.angle - 0.1) ** 2), 80
+    names = ["load.inertia"]
+    calls = {
+        "XLA run": lambda: run(0.5),
+        "XLA gradient": lambda: run.value_and_grad(0.5),
+        "XLA machine": lambda: run.machine_gradient(0.5, names),
+    }
+    for call in calls.values():
+        call()
+    taken = in_turns(calls, rounds)
+    of = {name: taken.median(name) / steps for name in calls}
+    return of["XLA run"], taken.ratio("XLA gradient", "XLA run"), taken.ratio("XLA machine", "XLA run")
+
+
 def measure_ready(rounds: int) -> dict[str, list[float]]:
     """Wall and processor seconds of a process until its first step: nothing compiled before, and all of it kept."""
     found: dict[str, list[list[float]]] = {"first": [], "later": []}
@@ -112,8 +131,12 @@ def main(words: list[str]) -> None:
     pin()
     step = measure_step(rounds)
     stepped, kernel, ratio = measure_batch(rounds)
+    rollout, gradient, machine = measure_rollout(rounds)
     figures = {
         "step [us]": 1e6 * step,
+        "rollout, per sample [us]": 1e6 * rollout,
+        "gradient over rollout": gradient,
+        "gradient by the machine over rollout": machine,
         "batch over kernel": ratio,
         "batch, per lane [us]": 1e6 * stepped,
         "kernel, per lane [us]": 1e6 * kernel,

@@ -11,8 +11,9 @@ import mckibben as mk
 from mckibben.control import CONTROLLERS, PID, Controller, InverseControl, IterativeLearning, control_task
 from mckibben.control.benches import BENCHES, VARIED, unseen_plants
 from mckibben.control.inverse import Inverse
-from mckibben.control.references import REFERENCES, RateLimit
+from mckibben.control.references import REFERENCES
 from mckibben.control.scores import run_controller
+from mckibben.control.steps import shape
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +81,10 @@ def test_an_integral_does_not_wind_up_at_saturation(kind, task):
 
 
 def test_a_shaped_reference_never_goes_faster_than_its_rate_and_arrives():
-    limit = RateLimit(0.08, 0.01)
-    limit.reset(0.0)
-    shaped = [limit.shape(np.array([wanted]))[0] for wanted in [0.02] * 40 + [0.005] * 40]
+    shaped, value = [], 0.0
+    for wanted in [0.02] * 40 + [0.005] * 40:
+        value = float(shape(value, wanted, 0.08 * 0.01)[0])
+        shaped.append(value)
     assert np.max(np.abs(np.diff([0.0, *shaped]))) <= 0.08 * 0.01 * (1.0 + 1e-12)
     assert shaped[39] == pytest.approx(0.02) and shaped[-1] == pytest.approx(0.005)
 

@@ -1,5 +1,6 @@
 """A run under a policy as a function: its value is that of the steps, its gradient that of differences."""
 
+import dataclasses
 import functools
 
 import jax
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from stepped_systems import weight
 
+from mckibben.components import paths
 from mckibben.errors import InputError
 
 PARAMETERS = {"gain": 30.0, "damping": 2.0}
@@ -51,6 +53,26 @@ def test_the_gradient_of_a_rollout_is_the_slope_of_its_differences():
         ends = [run({**PARAMETERS, name: PARAMETERS[name] + sign * step}) for sign in (1.0, -1.0)]
         # differences see the kinks of friction and choked flow between their ends, the derivative only its own side
         assert float(slope[name]) == pytest.approx((ends[0] - ends[1]) / (2.0 * step), rel=1e-3)
+
+
+def test_the_gradient_by_the_machine_is_the_slope_of_machines_that_differ():
+    run = rollout()
+    run.simulation.reset()
+    value, slope, by_machine = run.machine_gradient(PARAMETERS, ["load.mass", "muscle.law.stiffness_per_pressure"])
+    plain, same = run.value_and_grad(PARAMETERS)
+    assert value == pytest.approx(plain, rel=1e-12)  # rounding
+    assert slope["gain"] == pytest.approx(same["gain"], rel=1e-3)  # rounding puts a kink of friction to either side
+    start = run.simulation.save_state()
+    for path, found in by_machine.items():
+        ends, number = [], float(paths.get(run.simulation.machine, path))
+        for sign in (1.0, -1.0):
+            other = run.simulation.with_arrays({path: np.asarray(number * (1.0 + sign * 1e-5))})
+            other.load_state(dataclasses.replace(start, structure=other.fingerprint))
+            ends.append(other.rollout(policy, steps=40, cost=cost)(PARAMETERS))
+        # as above, differences see kinks that the derivative does not
+        assert float(found) == pytest.approx((ends[0] - ends[1]) / (2e-5 * number), rel=1e-3)
+    with pytest.raises(InputError, match="Unknown names"):
+        run.machine_gradient(PARAMETERS, ["biceps"])
 
 
 def test_runs_that_are_mapped_over_are_those_of_each_alone():

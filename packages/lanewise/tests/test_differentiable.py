@@ -90,3 +90,15 @@ def test_what_no_kernel_does_is_refused():
         kernel()(SYSTEM, STATE, MEMORY)
     with pytest.raises(ArgumentError, match="must have the shape"):
         predicted(kernel(), jnp.ones((3, 2)))
+
+
+def test_a_run_of_one_is_called_by_xla_itself_with_the_bits_of_the_kernel():
+    # a call of Python costs more than a short kernel: neither the run nor its gradient has one
+    forward = jax.jit(lambda v: predicted(kernel(), v))
+    backward = jax.jit(jax.grad(lambda v: cost(kernel(), v)))
+    for function in (forward, backward):
+        text = function.lower(VALUES).as_text()
+        assert "lanewise_" in text and "callback" not in text
+    assert np.array_equal(forward(VALUES), predicted(kernel(), VALUES))  # that without jit is by a call of Python
+    mapped = jax.jit(jax.vmap(lambda v: predicted(kernel(), v)))
+    assert "callback" in mapped.lower(MANY).as_text()  # lanes are spread over threads there

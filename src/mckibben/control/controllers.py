@@ -6,13 +6,13 @@ references are shaped to a rate that a muscle can follow before anything else se
 
 from __future__ import annotations
 
-from collections import deque
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .inverse import Inverse
-from .references import RateLimit
+from .._jax import Scalar, Tree, jnp
+from .inverse import Inverse, advance_inverse
+from .steps import Outputs, RestingIntegral, Sample, StepControl, clip, shape
 from .task import ControlTask
 
 SHAPED_TO = 80e-3 / 27e-3  # usual rate of shaped references, in ranges of the output per second [1/s]
@@ -21,25 +21,15 @@ RESTS = 0.3  # for which an integral rests after a shaped reference lags behind 
 FILLING = 0.1  # for which it rests after a command was at a limit: dead time, and the filling of the muscle [s]
 
 
-class RestingIntegral:
-    """Integral of an error that rests where the error says nothing of the plant: in steps and saturation, and a while after.
+class PIDState(NamedTuple):
+    """What a PID remembers: the last output, its filtered rate, and the number without proportional and derivative."""
 
-    Args:
-        period: of the samples [s].
-    """
-
-    def __init__(self, period: float) -> None:
-        self.period, self.value, self._rests = period, 0.0, 0
-
-    def add(self, error: float, *, moving: bool, saturated: bool) -> None:
-        """Take in the error of a sample, unless it rests."""
-        rests = RESTS if moving else FILLING if saturated else 0.0
-        self._rests = max(self._rests - 1, round(rests / self.period))
-        if self._rests <= 0:
-            self.value += error * self.period
+    output: Scalar
+    velocity: Scalar
+    total: Scalar
 
 
-class PID:
+class PID(StepControl):
     """u = u0 + kp e + ki sum(e) T - kd dy/dt: with a filter of the velocity, and an integral that stops at saturation.
 
     Args:
@@ -61,30 +51,78 @@ class PID:
         derivative: float | None = None,
         velocity_lag: float = 0.02,
     ) -> None:
-        usual = PID_GAINS[task.unit]
-        self.task, self.velocity_lag = task, velocity_lag
         stated = (proportional, integral, derivative)
-        self.gains = tuple(own if one is None else one for one, own in zip(stated, usual, strict=True))
+        gains = (own if one is None else one for one, own in zip(stated, PID_GAINS[task.unit], strict=True))
+        names = ("proportional", "integral", "derivative")
+        self.task, self._inverse = task, Inverse(task, memory=False)
+        parameters = dict(zip(names, gains, strict=True)) | {"velocity_lag": velocity_lag} | clock(task)
+        self._compile(_pid_step, (), parameters)
 
-    def reset(self, measured: Any, window: np.ndarray) -> None:
-        """Begin at rest, with the number that the model holds this output by."""
-        self._output, self._velocity = self.task.output(measured), 0.0
-        self._sum = Inverse(self.task, memory=False).reset(self._output)
-
-    def step(self, measured: Any, window: np.ndarray) -> float:
-        """The number for the next period."""
-        output, (kp, ki, kd), period = self.task.output(measured), self.gains, self.task.period
-        rate = (output - self._output) / period
-        self._velocity += (rate - self._velocity) * period / (self.velocity_lag + period)
-        self._output, error = output, window[0] - output
-        wanted = self._sum + kp * error - kd * self._velocity
-        acting = self.task.saturated(wanted)
-        if (wanted - acting) * error <= 0.0:
-            self._sum += ki * error * period
-        return acting
+    def begin(self, output: float) -> PIDState:
+        """The state at rest, with the number by which the model holds this output."""
+        return PIDState(output, 0.0, self._inverse.reset(output))
 
 
-class InverseControl:
+def clock(task: ControlTask) -> dict[str, float]:
+    """Period [s] and limits of the number [Pa], as parameters of a step."""
+    return {"period": task.period, "low": task.limits[0], "high": task.limits[1]}
+
+
+def _pid_step(p: Any, state: PIDState, sample: Sample) -> tuple[PIDState, Outputs]:
+    rate = (sample.output - state.output) / p["period"]
+    velocity = state.velocity + (rate - state.velocity) * p["period"] / (p["velocity_lag"] + p["period"])
+    error = sample.wanted - sample.output
+    number = state.total + p["proportional"] * error - p["derivative"] * velocity
+    acting = clip(number, p["low"], p["high"])
+    grown = state.total + p["integral"] * error * p["period"]
+    total = jnp.where((number - acting) * error <= 0.0, grown, state.total)
+    return PIDState(sample.output, velocity, total), Outputs(acting)
+
+
+class FeedForward(NamedTuple):
+    """What an inverse ahead of the reference remembers: shaped references of the preview, number, memory of the muscle."""
+
+    past: Any
+    number: Scalar
+    memory: Tree
+
+    @classmethod
+    def parameters(cls, task: ControlTask, inverse: Inverse, lead: float, rate: float | None) -> dict[str, Any]:
+        """Parameters of `advance`: parts of the model, lead [s], rate of the shaped reference [unit/s], and the clock's."""
+        units, load = inverse.parts
+        rate = SHAPED_TO * RANGES[task.unit] if rate is None else rate
+        more = {"rests": round(RESTS / task.period), "filling": round(FILLING / task.period)}
+        output = {"zero": task.zero, "sign": task.sign, "most": rate * task.period, "lead": lead}
+        return {"units": units, "load": load} | output | {k: float(v) for k, v in more.items()} | clock(task)
+
+    @classmethod
+    def begin(cls, inverse: Inverse, output: float, preview: int) -> FeedForward:
+        """At rest at an output [unit]."""
+        return cls(np.full(preview + 1, output), inverse.reset(output), inverse.rest)
+
+    def advance(self, actuators: Any, p: Any, wanted: Scalar) -> tuple[FeedForward, Scalar, Scalar]:
+        """Go on by one sample towards the end of the window.
+
+        Returns:
+            What is remembered, the number with its lead [Pa], and whether the shaped reference lags behind.
+        """
+        # the end of the window is shaped, and what was shaped before is what is wanted now
+        shaped, moving = shape(self.past[-1], wanted, p["most"])
+        start, to = (p["zero"] + p["sign"] * output for output in (self.past[-1], shaped))
+        parts, ends = (p["units"], p["load"]), (p["period"], p["low"], p["high"])
+        memory, number = advance_inverse(actuators, parts, self.memory, to, start, self.number, *ends)
+        past = jnp.append(self.past[1:], shaped)
+        return FeedForward(past, number, memory), number + p["lead"] * (number - self.number) / p["period"], moving
+
+
+class InverseState(NamedTuple):
+    """What an inverse with a PI remembers."""
+
+    ahead: FeedForward
+    integral: RestingIntegral
+
+
+class InverseControl(StepControl):
     """Inverse of the muscle, ahead of the reference, with a PI on what is left.
 
         u(t) = P(t + preview) + lead dP/dt + kp e + ki sum(e) T
@@ -116,37 +154,29 @@ class InverseControl:
         rate: float | None = None,
     ) -> None:
         kp, ki = PI_GAINS[task.unit]
-        self.task, self.feedback = task, feedback
-        self.lead = LEADS[task.unit] if lead is None else lead
-        self.gains = kp if proportional is None else proportional, ki if integral is None else integral
-        self.preview = round(ahead / task.period)
-        self._shaper = RateLimit(SHAPED_TO * RANGES[task.unit] if rate is None else rate, task.period)
+        self.task, self.preview = task, round(ahead / task.period)
         self._inverse = Inverse(task, memory=memory)
+        parameters = FeedForward.parameters(task, self._inverse, LEADS[task.unit] if lead is None else lead, rate)
+        parameters["proportional"] = kp if proportional is None else proportional
+        parameters["integral"] = ki if integral is None else integral
+        self._compile(_inverse_step, (self._inverse.actuators, feedback), parameters)
 
-    def reset(self, measured: Any, window: np.ndarray) -> None:
-        """Begin at rest."""
-        output = self.task.output(measured)
-        self._shaper.reset(output)
-        self._pressure = self._inverse.reset(output)
-        self._past = deque([output] * (self.preview + 1), self.preview + 1)
-        self._sum = RestingIntegral(self.task.period)
+    def begin(self, output: float) -> InverseState:
+        """The state at rest."""
+        return InverseState(FeedForward.begin(self._inverse, output, self.preview), RestingIntegral(0.0, 0.0))
 
-    def step(self, measured: Any, window: np.ndarray) -> float:
-        """The number for the next period."""
-        task, shaper = self.task, self._shaper
-        # the end of the window is shaped, and what was shaped before is what is wanted now
-        (shaped,) = shaper.shape(window[-1:])
-        before, self._pressure = self._pressure, self._inverse.advance(shaped)
-        self._past.append(shaped)
-        wanted = self._pressure + self.lead * (self._pressure - before) / task.period
-        if not self.feedback:
-            return task.saturated(wanted)
-        kp, ki = self.gains
-        error = self._past[0] - task.output(measured)
-        number = wanted + kp * error + ki * self._sum.value
-        acting = task.saturated(number)
-        self._sum.add(error, moving=shaper.moving, saturated=acting != number)
-        return acting
+
+def _inverse_step(
+    actuators: Any, feedback: bool, p: Any, state: InverseState, sample: Sample
+) -> tuple[InverseState, Outputs]:
+    ahead, wanted, moving = state.ahead.advance(actuators, p, sample.wanted)
+    if not feedback:
+        return InverseState(ahead, state.integral), Outputs(clip(wanted, p["low"], p["high"]))
+    error = ahead.past[0] - sample.output
+    number = wanted + p["proportional"] * error + p["integral"] * state.integral.value
+    acting = clip(number, p["low"], p["high"])
+    rests = jnp.where(moving, p["rests"], jnp.where(acting != number, p["filling"], 0.0))
+    return InverseState(ahead, state.integral.add(error, rests, p["period"])), Outputs(acting)
 
 
 class IterativeLearning:

@@ -1,28 +1,41 @@
-"""Linear quadratic control with an integral and a Kalman filter, from a linear model of small motions about the middle.
+"""Linear quadratic control with an integral and a Kalman filter, from the simulation's own linear model about the middle.
 
-    x = (P, y, dy/dt, u of the dead time),   x+ = A x + B u,   measured (P, y);   u = -K (x - x_r) - k_i sum(r - y) T
+    x+ = A x + B u,   (P, y) = C x;   u = -K x - k_i sum(r - y) T
 
-A and B are least squares on what the model does under small random commands, so that fill and relief of a valve count as
-they do together at that amplitude. Feed-forward is an inverse of the muscle.
+The state is of deviations from the feed-forward, which is an inverse of the muscle. A, B and C are those of
+`Simulation.linearise`, dead time included, with friction held: it is the feed-forward's. What the plant does otherwise is
+taken for noise at its command.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .controllers import SHAPED_TO, RestingIntegral
+from .._jax import Scalar, jnp
+from .controllers import FeedForward
 from .inverse import Inverse
-from .references import RateLimit
+from .steps import Outputs, RestingIntegral, Sample, StepControl, clip
 from .task import ControlTask
 
 AMPLITUDE = 1e4  # of the commands of the linear model [Pa]
-SAMPLES = 600  # on which it rests
-TRUST = {"m": (1e-5, 2e-5), "rad": (1e-4, 1e-4)}  # noise of a sample of the model's output, and of the measured one
+MIDDLE, SETTLES = 0.4, 2.0  # where it is linearised, in the range of the command, and after which time [s]
+COMMAND, POSITION = 2e3, 1e-5  # noise that is assumed: of a sample's command [Pa], and of its position [m]
+READ = 600.0, 2e-5  # of the measured pressure [Pa] and position [m]
 
 
-class LQI:
+class LQIState(NamedTuple):
+    """What the controller remembers: the feed-forward and its last pressures, the estimated state, the last command."""
+
+    ahead: FeedForward
+    pressures: Any
+    state: Scalar
+    told: Scalar
+    integral: RestingIntegral
+
+
+class LQI(StepControl):
     """Linear quadratic control with an integral and a Kalman filter, on an inverse of the muscle.
 
     Args:
@@ -40,91 +53,52 @@ class LQI:
         *,
         memory: bool = False,
         effort: float = 2e-8,
-        integral: float = 4.0,
+        integral: float = 20.0,
         lead: float = 0.09,
         ahead: float = 0.04,
     ) -> None:
         from scipy.linalg import solve_discrete_are
 
-        self.task, self.lead, self.preview = task, lead, round(ahead / task.period)
-        self._inverse, self._shaper = Inverse(task, memory=memory), RateLimit(SHAPED_TO * 27e-3, task.period)
-        self.late = task.model.depth - 2
-        self.A, self.B = small_motion_model(task, self.late)
-        size = len(self.B)
-        self.C = np.zeros((2, size))
-        self.C[0, 0] = self.C[1, 1] = 1.0
+        self.task, self.preview, sim = task, round(ahead / task.period), task.model
+        self._inverse = Inverse(task, memory=memory)
+        sim.reset()
+        for _ in range(round(SETTLES / task.period)):
+            sim.step(**task.commands((1.0 - MIDDLE) * task.limits[0] + MIDDLE * task.limits[1]))
+        self.model = sim.linearise([*task.actuators], ("pressure", task.field), amplitude=AMPLITUDE, friction="held")
+        A, B, C = self.model.A, self.model.B, self.model.C * np.array([[1.0], [task.sign]])
+        size = len(A)
         # with the integral of the error behind the state
-        whole = np.zeros((size + 1, size + 1))
-        whole[:size, :size], whole[size, 1], whole[size, size] = self.A, -task.period, 1.0
-        weights = np.diag([0.0, 1.0, *[0.0] * (size - 2), integral**2])
-        command = np.append(self.B, 0.0)[:, None]
+        whole = np.block([[A, np.zeros((size, 1))], [-task.period * C[1], np.ones((1, 1))]])
+        seen, command = np.append(C[1], 0.0), np.append(B[:, 0], 0.0)[:, None]
+        weights = np.outer(seen, seen)
+        weights[-1, -1] = integral**2
         cost = solve_discrete_are(whole, command, weights, np.array([[effort**2]]))
-        self.gain = np.linalg.solve(effort**2 + command.T @ cost @ command, command.T @ cost @ whole)[0]
-        model, read = TRUST[task.unit]
-        drawn = np.diag([5e2, model, 1e-2, *[1.0] * (size - 3)]) ** 2
-        noise = np.diag([600.0, read]) ** 2
-        spread = solve_discrete_are(self.A.T, self.C.T, drawn, noise)
-        self.filter = spread @ self.C.T @ np.linalg.inv(self.C @ spread @ self.C.T + noise)
+        gain = np.linalg.solve(effort**2 + command.T @ cost @ command, command.T @ cost @ whole)[0]
+        drawn, noise = COMMAND**2 * B @ B.T, np.diag(READ) ** 2
+        place = self.model.states.index("load.position")
+        drawn[place, place] += POSITION**2
+        spread = solve_discrete_are(A.T, C.T, drawn, noise)
+        parameters = FeedForward.parameters(task, self._inverse, lead, None) | {
+            "A": A, "B": B[:, 0], "C": C, "gain": gain[:-1], "integral": float(gain[-1]),
+            "filter": spread @ C.T @ np.linalg.inv(C @ spread @ C.T + noise),
+        }  # fmt: skip
+        self._compile(_lqi_step, (self._inverse.actuators,), parameters)
 
-    def reset(self, measured: Any, window: np.ndarray) -> None:
-        """Begin at rest; the state is that of the deviations from the feed-forward."""
-        output = self.task.output(measured)
-        self._shaper.reset(output)
-        self._pressure = self._inverse.reset(output)
-        self._outputs, self._pressures = [output] * (self.preview + 1), [self._pressure] * (self.preview + 1)
-        self._state, self._told, self._sum = np.zeros(len(self.B)), 0.0, RestingIntegral(self.task.period)
-
-    def step(self, measured: Any, window: np.ndarray) -> float:
-        """The number for the next period."""
-        task, shaper = self.task, self._shaper
-        (shaped,) = shaper.shape(window[-1:])
-        before, self._pressure = self._pressure, self._inverse.advance(shaped)
-        self._outputs, self._pressures = [*self._outputs[1:], shaped], [*self._pressures[1:], self._pressure]
-        wanted = self._pressure + self.lead * (self._pressure - before) / task.period
-        output = task.output(measured)
-        ahead = self.A @ self._state + self.B * self._told
-        seen = np.array([measured.pressure - self._pressures[0], output - self._outputs[0]])
-        self._state = ahead + self.filter @ (seen - self.C @ ahead)
-        number = wanted - float(self.gain @ np.append(self._state, self._sum.value))
-        acting = task.saturated(number)
-        self._told = acting - wanted
-        self._sum.add(self._outputs[0] - output, moving=shaper.moving, saturated=acting != number)
-        return acting
+    def begin(self, output: float) -> LQIState:
+        """The state at rest."""
+        ahead, size = FeedForward.begin(self._inverse, output, self.preview), len(self.model.A)
+        return LQIState(ahead, np.full(self.preview + 1, ahead.number), np.zeros(size), 0.0, RestingIntegral(0.0, 0.0))
 
 
-def small_motion_model(task: ControlTask, late: int) -> tuple[np.ndarray, np.ndarray]:
-    """A (n, n) and B (n,) of the state (P, y, dy/dt, commands on their way, the oldest first), by least squares.
-
-    Args:
-        task: of one muscle.
-        late: samples of dead time.
-    """
-    sim = task.model
-    sim.reset()
-    low, high = task.limits
-    middle, random = 0.4 * (low + high), np.random.default_rng(1)
-    rows, told = [], []
-    for k in range(200 + SAMPLES):
-        if k < 200:
-            number = middle
-        elif k % 5 == 0:
-            number = middle + AMPLITUDE * random.choice([-1.0, -0.5, 0.5, 1.0])
-        seen = sim.step(**task.commands(number))
-        rows.append((seen.pressure, task.output(seen), task.sign * seen.velocity))
-        told.append(number)
-    states, numbers = np.array(rows[200 - 1 :]), np.array(told[200 - 1 :])
-    states, numbers = states - states.mean(axis=0), numbers - middle
-    acting = np.roll(numbers, late)[late + 1 :]  # that acts in the sample that ends in each row
-    known = np.concatenate([states[late:-1], acting[:, None]], axis=1)
-    scale = np.maximum(known.std(axis=0), 1e-12)
-    fitted = np.linalg.lstsq(known / scale, states[late + 1 :], rcond=None)[0].T / scale
-    size = 3 + late
-    A, B = np.zeros((size, size)), np.zeros(size)
-    A[:3, :3] = fitted[:, :3]
-    if late == 0:
-        B[:3] = fitted[:, 3]
-        return A, B
-    A[:3, 3] = fitted[:, 3]
-    A[3:-1, 4:] = np.eye(late - 1)
-    B[-1] = 1.0
-    return A, B
+def _lqi_step(actuators: Any, p: Any, state: LQIState, sample: Sample) -> tuple[LQIState, Outputs]:
+    ahead, wanted, moving = state.ahead.advance(actuators, p, sample.wanted)
+    pressures = jnp.append(state.pressures[1:], ahead.number)
+    error = ahead.past[0] - sample.output
+    foretold = p["A"] @ state.state + p["B"] * state.told
+    seen = jnp.stack([sample.pressure - pressures[0], -error])
+    estimate = foretold + p["filter"] @ (seen - p["C"] @ foretold)
+    number = wanted - (p["gain"] @ estimate + p["integral"] * state.integral.value)
+    acting = clip(number, p["low"], p["high"])
+    rests = jnp.where(moving, p["rests"], jnp.where(acting != number, p["filling"], 0.0))
+    integral = state.integral.add(error, rests, p["period"])
+    return LQIState(ahead, pressures, estimate, acting - wanted, integral), Outputs(acting)

@@ -65,28 +65,3 @@ REFERENCES = {
                   _sines(15e-3, (10e-3, 1.0, 0.0))),
     )
 }  # fmt: skip
-
-
-class RateLimit:
-    """Shapes a reference to a rate that a machine can follow: each sample goes towards the wanted one.
-
-    Args:
-        rate: largest rate [unit/s].
-        period: of the samples [s].
-    """
-
-    def __init__(self, rate: float, period: float) -> None:
-        self.most, self.value, self.moving = rate * period, 0.0, False
-
-    def reset(self, value: float) -> None:
-        """Begin at an output."""
-        self.value, self.moving = value, False
-
-    def shape(self, window: np.ndarray) -> list[float]:
-        """The shaped window, whose first value is the present one; `moving` says whether it lags behind."""
-        shaped, value = [], self.value
-        for wanted in window.tolist():
-            value += min(max(wanted - value, -self.most), self.most)
-            shaped.append(value)
-        self.value, self.moving = shaped[0], abs(window[0] - shaped[0]) > 1e-3 * self.most
-        return shaped

@@ -71,16 +71,29 @@ class Packed:
         made = compile_function(functools.partial(_of_vectors, function, inputs), *vectors, title="a sample")
         described = compile_function(functools.partial(_described, function, inputs), *vectors, title="a sample")
         self._outs = [_layout(tree) for tree in described(*vectors)]
-        if made.engine == "xla":
+        self._kernel = None if made.engine == "xla" else made.program
+        if self._kernel is None:
             flat = functools.partial(_of_vectors, function, inputs)
             self._call: Callable[..., Any] = jax.jit(flat).lower(*vectors).compile()
         else:
-            kernel = made.program
+            kernel = self._kernel
             self._call = lambda *given: kernel.call(given, mode="strict")
 
     def __call__(self, *vectors: np.ndarray) -> list[np.ndarray]:
         """The results as vectors."""
         return [np.asarray(v) for v in self._call(*vectors)]
+
+    def bind(self, *vectors: np.ndarray) -> tuple[Callable[[], None], list[np.ndarray]]:
+        """Fix the places of arguments: what to call when they have changed, and the vectors in which results then are."""
+        results = [np.zeros(layout.size) for layout in self._outs]
+        if self._kernel is not None:
+            return self._kernel.bind(vectors, results, mode="strict"), results
+
+        def call() -> None:
+            for result, vector in zip(results, self._call(*vectors), strict=True):
+                result[:] = vector
+
+        return call, results
 
     def tree(self, index: int, vector: np.ndarray) -> Tree:
         """A result as the tree that it is."""

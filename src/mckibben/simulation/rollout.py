@@ -7,18 +7,22 @@ samples are a `jax.lax.scan`: XLA compiles nothing of the physics, and a changed
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._jax import Scalar, Tree, jax, jnp
+from ..components import paths
 from ..engine.native import differentiable
 from ..engine.rates import RK4_LIMIT
 from ..engine.soundness import SOUND, SWITCHED, unsound_sentence
 from ..errors import ConvergenceError, InputError
+from .fit import find_parameters
 from .kernel import MODE, SteppedSimulation
 from .stepping import BEHIND, step_vectors
+
+SHIFT = 1e-6  # share of a parameter over which its places in the kernel are found
 
 
 class Rollout:
@@ -62,6 +66,7 @@ class Rollout:
         self._step = differentiable(step, *programs.examples, mode=MODE, threads=1, title="a simulation")
         self._run = jax.jit(self._trajectory)
         self._slope = jax.jit(jax.value_and_grad(self._mean_cost, has_aux=True))
+        self._both = jax.jit(jax.value_and_grad(self._mean_cost, argnums=(0, 1), has_aux=True))
 
     def __repr__(self) -> str:
         return f"Rollout({self.steps} steps of {self.simulation!r})"
@@ -72,7 +77,7 @@ class Rollout:
         Raises:
             ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
         """
-        _, _, costs, behind = self._run(parameters, *self._start())
+        _, _, costs, behind = self._run(parameters, self.simulation.parameters, *self._start())
         self._check(behind)
         return float(jnp.mean(costs))
 
@@ -82,9 +87,43 @@ class Rollout:
         Raises:
             ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
         """
-        (value, behind), slopes = self._slope(parameters, *self._start())
+        (value, behind), slopes = self._slope(parameters, self.simulation.parameters, *self._start())
         self._check(behind)
         return float(value), jax.tree.map(np.asarray, slopes)
+
+    def machine_gradient(self, parameters: Tree, names: Sequence[str]) -> tuple[float, Tree, dict[str, np.ndarray]]:
+        """The mean cost of a run, and its derivatives by the policy's parameters and by some of the machine.
+
+        The run begins at the present moment whatever the parameters of the machine.
+
+        Args:
+            parameters: of the policy.
+            names: parameters of the machine, by path or the end of one, such as ``load.damping``.
+
+        Returns:
+            The value; a tree like the parameters; and by path a derivative of the shape of the parameter [cost/SI].
+
+        Raises:
+            InputError: names what is no parameter.
+            ConvergenceError: see `value_and_grad`.
+        """
+        simulation = self.simulation
+        places = [path for name in names for path in find_parameters(simulation.machine, name, "names")]
+        (value, behind), (slopes, plant) = self._both(parameters, simulation.parameters, *self._start())
+        self._check(behind)
+        gradient, by_machine = np.asarray(plant), {}
+        for path in places:
+            stated = np.asarray(paths.get(simulation.machine, path), float)
+            high = max(paths.declaration(simulation.machine, path).bounds)
+            by_machine[path] = np.empty(stated.shape)
+            for index in np.ndindex(stated.shape):
+                # a number of the machine may stand in the kernel more than once
+                moved, size = stated.copy(), SHIFT * max(abs(float(stated[index])), 1e-3)
+                size = size if stated[index] + size <= high else -size
+                moved[index] += size
+                change = simulation.with_arrays({path: moved}).parameters - simulation.parameters
+                by_machine[path][index] = gradient @ change / (moved[index] - stated[index])
+        return float(value), jax.tree.map(np.asarray, slopes), by_machine
 
     def as_function(self) -> Callable[[Tree], Scalar]:
         """The mean cost of a run from the present moment, as a JAX function of the parameters for `vmap`, `grad` and `jit`.
@@ -94,7 +133,8 @@ class Rollout:
         Runs that are mapped over are lanes of the kernels. Nothing is raised: a cost is NaN where a mode is too fast for the
         step of the simulation, or a state is not possible.
         """
-        start, usual = self._start(), self.simulation.period / self.simulation.inner
+        start = self.simulation.parameters, *self._start()
+        usual = self.simulation.period / self.simulation.inner
 
         def mean_cost(parameters: Tree) -> Scalar:
             value, behind = self._mean_cost(parameters, *start)
@@ -106,7 +146,7 @@ class Rollout:
 
     def trajectory(self, parameters: Tree) -> tuple[Tree, dict[str, np.ndarray]]:
         """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
-        seen, commands, _, behind = self._run(parameters, *self._start())
+        seen, commands, _, behind = self._run(parameters, self.simulation.parameters, *self._start())
         self._check(behind)
         carry, observed, _, sample = self._start()
         names = self.simulation.programs.fields
@@ -120,8 +160,8 @@ class Rollout:
         state = self.simulation.save_state()
         return state.carry, state.observed, state.commands, np.float64(state.sample)
 
-    def _trajectory(self, parameters: Any, carry: Tree, observed: Any, held: Any, sample: Any) -> Any:
-        simulation, plant = self.simulation, jnp.asarray(self.simulation.parameters)
+    def _trajectory(self, parameters: Any, plant: Any, carry: Tree, observed: Any, held: Any, sample: Any) -> Any:
+        simulation, plant = self.simulation, jnp.asarray(plant)
 
         def one(now: Any, index: Scalar) -> tuple[Tree, Tree]:
             carry, observed, held = now

@@ -33,6 +33,7 @@ from ._analysis import rewrite
 from ._derivatives import tangents
 from ._gpu import to_gpu
 from ._graph import Buffer, Graph, gc_paused
+from ._in_xla import foreign_call
 from ._kernel import llvm
 from ._program import Leaf, Program
 from ._trace import BufferArray, Primitive, Tracer, checked_kind
@@ -432,8 +433,20 @@ def _call_program(
     ]
 
 
-def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequence[Leaf]]) -> Primitive:
-    """A primitive of JAX that calls kernels, mapped by axes in front of all its arguments."""
+def _primitive(
+    name: str,
+    host: Callable[..., Any],
+    leaves: Callable[..., Sequence[Leaf]],
+    direct: Callable[..., tuple[Program, int]] | None = None,
+) -> Primitive:
+    """A primitive of JAX that calls kernels, mapped by axes in front of all its arguments.
+
+    Args:
+        name: its name.
+        host: what is called with the arrays.
+        leaves: the leaves of its results.
+        direct: program and first wanted result of a run, which XLA on a processor calls itself.
+    """
     made = Primitive(name)
     made.multiple_results = True
 
@@ -446,6 +459,16 @@ def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequen
             return host(kernels, [np.asarray(x) for x in arguments], depth, **more)
 
         return jax.pure_callback(on_host, shapes(*arrays, kernels=kernels, depth=depth, **more), *arrays)
+
+    def in_xla(*arrays: Any, kernels: Derivatives, depth: int, **more: Any) -> Any:
+        found, wanted = None, shapes(*arrays, kernels=kernels, depth=depth, **more)
+        if direct is not None and _is_one(_batch(arrays, depth)):
+            program, begin = direct(kernels, **more)
+            flat = [jax.ShapeDtypeStruct(s.shape[depth:], s.dtype) for s in wanted]
+            found = foreign_call(program, str(kernels.options["mode"]), begin, flat, arrays)
+        if found is None:
+            return call(*arrays, kernels=kernels, depth=depth, **more)
+        return [x.reshape(s.shape) for x, s in zip(found, wanted, strict=True)]
 
     def mapped(arrays: Any, axes: Any, *, depth: int, **more: Any) -> Any:
         moved = [
@@ -462,11 +485,15 @@ def _primitive(name: str, host: Callable[..., Any], leaves: Callable[..., Sequen
     made.def_abstract_eval(abstract)
     batching.primitive_batchers[made] = mapped
     mlir.register_lowering(made, mlir.lower_fun(call, multiple_results=True))
+    mlir.register_lowering(made, mlir.lower_fun(in_xla, multiple_results=True), platform="cpu")
     return made
 
 
 _RUN = _primitive(
-    "native_run", lambda kernels, given, depth: kernels.run(given, depth), lambda kernels: kernels.results
+    "native_run",
+    lambda kernels, given, depth: kernels.run(given, depth),
+    lambda kernels: kernels.results,
+    lambda kernels: (kernels.program, 0),
 )
 _PUSH = _primitive(
     "native_tangents",
@@ -477,6 +504,7 @@ _PULL = _primitive(
     "native_adjoint",
     lambda kernels, given, depth, places: kernels.vjp(given, depth, places),
     lambda kernels, places: [kernels.program.arguments[p] for p in places],
+    lambda kernels, places: (kernels.adjoint(places), len(kernels.program.results)),
 )
 
 
