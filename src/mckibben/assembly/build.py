@@ -14,7 +14,8 @@ from ..components.flow import FlowElement
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles import Muscle
-from ..muscles.build import at_rest_length, built_muscle
+from ..muscles.build import at_rest_length
+from ..muscles.muscle import built_muscle
 from ..muscles.dimensions import REST_LENGTH
 from ..muscles.elements import Tendon
 from ..muscles.law import THREAD_STRAIN, law_name

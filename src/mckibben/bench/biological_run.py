@@ -37,7 +37,7 @@ from ..experiments.commands import Deferred
 from ..experiments.protocol import PlannedStep, Protocol
 from ..muscles import Muscle
 from ..muscles.biological import BiologicalMuscle
-from ..muscles.build import from_specimen
+from ..muscles.muscle import from_specimen
 from ..quantities import quantity
 from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions

@@ -91,7 +91,7 @@ def _span(span: str | None, contraction: str | None, muscle: str) -> str | None:
     if span is not None:
         raise InputError("--span", span, "is allowed only without --contraction")
     try:
-        return f"{float(muscles.build.built_muscle(muscle).length_at(contraction))!r} m"
+        return f"{float(muscles.muscle.built_muscle(muscle).length_at(contraction))!r} m"
     except InputError as error:
         raise error.changed(field="--contraction" if error.field == "contraction" else error.field) from None
 

@@ -16,7 +16,8 @@ from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyC
 from ..errors import InputError
 from ..formats.columns import AMBIENT
 from ..muscles import evidence
-from ..muscles.build import from_specimen, rest_length_of, upper_length_of
+from ..muscles.build import rest_length_of, upper_length_of
+from ..muscles.muscle import from_specimen
 from ..muscles.laws import law_type
 from ..pneumatics.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..quantities import from_si, with_unit
