@@ -31,62 +31,7 @@ Set = Annotated[
         "--set", metavar="PATH=VALUE", help="Replace a parameter, such as law.turns=3.2 or thread_length='16 cm'."
     ),
 ]
-Muscle = Annotated[
-    str, typer.Option("--muscle", metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")
-]
-RigName = Annotated[
-    str, typer.Option("--rig", metavar="RIG", help="Rig of the test machine: paper, modern, or a .toml file.")
-]
-Plumbing = Annotated[
-    str | None,
-    typer.Option(metavar="PLUMBING", help="Plumbing that joins the rig's pneumatic parts; the rig's first by default."),
-]
-NoiseSeed = Annotated[
-    int, typer.Option(metavar="N", min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
-]
-Contraction = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CONTRACTION",
-        help="Contraction from the rest length instead of a length, such as '20 %'; negative if stretched.",
-    ),
-]
-Start = Annotated[
-    str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used, such as '2 s'.")
-]
-End = Annotated[
-    str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used, such as '5 s'.")
-]
-LockStep = Annotated[
-    bool,
-    typer.Option(
-        "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
-    ),
-]
 CHANGE = "pressure='5 bar', rig.plumbing.direct.tube.length='1 m' or muscle.law.passive_stiffness='3 N/cm'"
-ProtocolName = Annotated[str, typer.Argument(metavar="PROTOCOL", help="Name of a shipped protocol, or a .toml file.")]
-Change = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        help=f"Change a value of the protocol (several separated by ', ' or ';'), of rig.* or of muscle.*: {CHANGE}.",
-    ),
-]
-On = Annotated[
-    str | None,
-    typer.Option(
-        "--on",
-        metavar="MACHINE",
-        help="Run on a real machine: serial:/dev/ttyACM0, or daq (wired as the rig file says).",
-    ),
-]
-CalibrationFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--calibration", metavar="CALIBRATION", help="Calibration file that is applied to the measured channels."
-    ),
-]
 
 
 def _use_style(context: typer.Context, name: str) -> str:

@@ -21,7 +21,7 @@ from ..bench import session as session_package
 from ..errors import ConvergenceError, InputError, MckibbenError
 from ..quantities import parse
 from ._progress import progress
-from ._terminal import CalibrationFile, Contraction, Muscle, NoiseSeed, On, Plumbing, RigName
+from ._reading import CalibrationFile, Contraction, Muscle, NoiseSeed, On, Plumbing, RigName
 from ._terminal import ask_person as ask_person
 
 if TYPE_CHECKING:

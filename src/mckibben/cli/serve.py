@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..extras import library
 from ..registry import fix_code
 from ._progress import protected
-from ._terminal import CalibrationFile, LockStep, On
+from ._reading import CalibrationFile, LockStep, On
 
 NEEDED = ("starlette", "uvicorn", "websockets")
 

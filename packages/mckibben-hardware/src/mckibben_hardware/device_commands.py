@@ -13,20 +13,8 @@ from mckibben.bench import hardware, rig_file, segment
 from mckibben.bench.prepare import prepare
 from mckibben.cli._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Paths, write_recording
 from mckibben.cli._progress import progress
-from mckibben.cli._terminal import (
-    CHANGE,
-    Change,
-    Json,
-    Muscle,
-    NoiseSeed,
-    On,
-    Plumbing,
-    ProtocolName,
-    RigName,
-    pairs,
-    print_json,
-    table,
-)
+from mckibben.cli._reading import Change, Muscle, NoiseSeed, On, Plumbing, ProtocolName, RigName
+from mckibben.cli._terminal import CHANGE, Json, pairs, print_json, table
 from mckibben.documents import JsonValue, write_text
 from mckibben.errors import InputError
 from mckibben.quantities import parse
