@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mckibben.cli._outputs import OBJECT, REPORT, TABLE, OutputFiles, OutputKinds
 from mckibben.cli._progress import progress
@@ -13,7 +13,10 @@ from mckibben.cli._verb import VerbCommand
 from mckibben.errors import InputError, not_found
 from mckibben.report import document, document_pdf
 
-from .report import REPORTS, Reproduction
+from . import report as papers
+
+if TYPE_CHECKING:
+    from .report import Reproduction
 
 
 def _check_places(given: Mapping[str, Any], files: OutputFiles) -> None:
@@ -27,7 +30,7 @@ def _check_places(given: Mapping[str, Any], files: OutputFiles) -> None:
             raise InputError("--out", str(folder), "must be a folder; it is a file")
         if not folder.absolute().parent.is_dir():
             raise not_found(folder.absolute().parent, "folder")
-        for name in REPORTS if folder.is_dir() and not given["figures"] else ():
+        for name in papers.REPORTS if folder.is_dir() and not given["figures"] else ():
             if not (name.endswith(".pdf") and given["pdf"]):
                 document.checked_place(folder / name, field="--out")
 
