@@ -249,6 +249,7 @@ def prepare(
         spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
         unit = unit or rig_unit(spec, law=law)
     if of_muscle:
+        # another rest length cuts the muscle, which changes what its specimen states, too
         try:
             spec, unit = with_parameters(spec, unit, of_muscle, law=law)
         except InputError as error:

@@ -338,6 +338,7 @@ def record_run(
         said = [*(one.sentence for one in prepared.accepted), *(prepared.cautions if dry_run else ())]
         plan = prepared.protocol.sentence(), prepared.plan.duration, place, prepared.findings
         return RunPlan(*plan, tuple(map(Caution, said)), dry_run)
+    # the machine is opened inside, so that it has vented before whoever watches lets go of Ctrl-C
     open_for = telling or (lambda title, run: contextlib.nullcontext())
     period = 1.0 / prepared.plan.sample_rate
     with (
@@ -350,6 +351,7 @@ def record_run(
     predicted = None
     if samples is not None:
         spec = muscle_specimen(muscle)
+        # the range of a cell bounds what it reads, not what the samples of a law predict
         template = make_template(
             named_protocol(protocol, {}), muscle, rig,
             specimens={muscle: spec if law is None else dataclasses.replace(spec, law=law)},

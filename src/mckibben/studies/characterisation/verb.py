@@ -438,6 +438,7 @@ def characterise(
     folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
     so_far, records, done = Progression(), {}, []
     passed = 0.0
+    # the plan is told before a machine is opened, and Ctrl-C is heard until it has vented
     with (
         contextlib.nullcontext() if begun is None else begun(intended),
         connected(machine, on, 1.0 / session_rate(on), lock_step=lock_step) as opened,
