@@ -189,9 +189,11 @@ class StimulatedRecording(Answer):
 
     Attributes:
         recording: channels of ideal sensors.
+        cautions: what a reader of the recording has to know.
     """
 
     recording: Recording
+    cautions: tuple[Caution, ...] = ()
 
     def _each(self) -> dict[str, Any]:
         """Contractions and work loops, none where the recording shows none."""
@@ -389,6 +391,7 @@ def _on_biological(
 ) -> RunPlan | StimulatedRecording:
     wanted, subject = changed_biological(protocol, subject, changes)
     if not dry:
-        return StimulatedRecording(run_biological(wanted, subject))
+        recording = run_biological(wanted, subject)
+        return StimulatedRecording(recording, recording.cautions)
     check_protocol(subject.muscle, wanted)
     return RunPlan(wanted.sentence(), wanted.expand(rest_length=float(subject.muscle.rest_length)).duration)
