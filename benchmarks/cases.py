@@ -22,6 +22,7 @@ from mckibben.assembly.build import AirLine, several, unit_from_specimen
 from mckibben.assembly.loads import Body, JointLoad, MomentArm, PlateLoad
 from mckibben.assembly.machine import Machine
 from mckibben.assembly.muscle_unit import STOP_TRAVEL, MuscleUnit
+from mckibben.components.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from mckibben.components.paths import get, put
 from mckibben.components.system import System
 from mckibben.engine import held, march
@@ -30,7 +31,6 @@ from mckibben.muscles.elements import Tendon
 from mckibben.muscles.hysteresis import Dahl
 from mckibben.muscles.hysteresis.slip import FrictionLimit
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import InertialTube
 from mckibben.pneumatics.volume import FixedVolume, MovingVolume, Reservoir, WallHeat

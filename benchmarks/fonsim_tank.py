@@ -25,10 +25,10 @@ import numpy as np
 
 from mckibben.components import Scalar
 from mckibben.components.flow import GasState, TwoPort
+from mckibben.components.gas import AIR, Gas
 from mckibben.engine import held, march
 from mckibben.pneumatics.circuit import Branch, Circuit
 from mckibben.pneumatics.distributed import DistributedTube, ReservoirEnd, VesselEnd, simulate
-from mckibben.pneumatics.gas import AIR, Gas
 from mckibben.pneumatics.tubes import LumpedTube, haaland, inertance, turbulence
 from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir
 from mckibben.quantities import quantity
@@ -91,7 +91,7 @@ class Ours:
 
 def lumped(ends: float = 1.0) -> LumpedTube:
     """Our own tube of the same dimensions; the bore's outlet loses its velocity head, the inlet is rounded."""
-    return LumpedTube(length=LENGTH, diameter=DIAMETER, roughness=ROUGHNESS, ends=ends, gas=GAS)
+    return LumpedTube(length=LENGTH, diameter=DIAMETER, roughness=ROUGHNESS, ends=ends)
 
 
 def distributed(gauge: float = STEP) -> np.ndarray:

@@ -16,10 +16,10 @@ import numpy as np
 
 from mckibben.components import Scalar
 from mckibben.components.flow import GasState
+from mckibben.components.gas import REFERENCE_TEMPERATURE
 from mckibben.components.module import derivative
 from mckibben.components.system import Moment, System
 from mckibben.muscles import braid
-from mckibben.pneumatics.gas import REFERENCE_TEMPERATURE
 from mckibben.pneumatics.orifice import Orifice, opening_flow
 
 NUMBERS = {

@@ -50,7 +50,7 @@ def parameters(_: Path) -> str:
     from mckibben.muscles.elements import KelvinVoigtChain, MaxwellChain, PassiveSpring, Tendon, Viscous
     from mckibben.muscles.hysteresis import HYSTERESES, FrictionLimit, PlayMap
     from mckibben.pneumatics.build import ELEMENTS
-    from mckibben.pneumatics.gas import Gas
+    from mckibben.components.gas import Gas
     from mckibben.pneumatics.orifice import Orifice
     from mckibben.pneumatics.solenoid import PilotStage, Solenoid
     from mckibben.pneumatics.volume import CompliantVolume, FixedVolume, Polytropic, WallHeat

@@ -14,7 +14,7 @@ PHYSICS_TESTS = {
     "muscles/worn_braid.py": "muscles/test_worn_braid.py bench/test_faults.py",
     "muscles/muscle.py": "muscles/test_muscle.py laws/test_inverse.py muscles/test_rest_length.py",
     "components/flow.py": "laws/test_circuits.py laws/test_catalogue_flows.py",
-    "pneumatics/gas.py": "laws/test_gas.py laws/test_exergy.py agreement/test_gas_against_coolprop.py",
+    "components/gas.py": "laws/test_gas.py laws/test_exergy.py agreement/test_gas_against_coolprop.py",
     "pneumatics/orifice.py": "laws/test_catalogue_flows.py agreement/test_orifice_against_others.py "
     "laws/test_valves.py",
     "pneumatics/valves.py": "laws/test_valves.py specimens/test_valve_specimens.py",

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mckibben.components.gas import AIR
 from mckibben.pneumatics.distributed import DistributedTube, ReservoirEnd, simulate
-from mckibben.pneumatics.gas import AIR
 from mckibben.pneumatics.tubes import friction_factor, haaland
 
 fluids = pytest.importorskip("fluids")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mckibben.pneumatics.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
+from mckibben.components.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 
 props = pytest.importorskip("CoolProp.CoolProp").PropsSI
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mckibben.components.flow import GasState
-from mckibben.pneumatics.gas import AIR
+from mckibben.components.gas import AIR
 from mckibben.pneumatics.orifice import Orifice
 
 fluids = pytest.importorskip("fluids")

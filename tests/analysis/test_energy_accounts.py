@@ -7,11 +7,11 @@ import pytest
 
 from mckibben.analysis._energy_samples import RecordedMachine
 from mckibben.analysis.energy_accounts import energy_account
+from mckibben.components.gas import AIR
 from mckibben.errors import InputError
 from mckibben.muscles import law_from_specimen
 from mckibben.muscles.law import stored_along, stored_change
 from mckibben.muscles.laws import LAWS, law_type
-from mckibben.pneumatics.gas import AIR
 from mckibben.quantities import declared
 from mckibben.recordings import Channel, Recording
 from mckibben.report.figures.energy_figures import energy_flow_figure, streams

@@ -138,7 +138,7 @@ def circuit(block, muscle):
 )
 def test_a_closed_volume_that_moves_and_gives_with_its_pressure_keeps_p_v_to_the_exponent_of_its_heat(heat, exponent):
     pressure, volume = 4e5, VolumeState(value=3e-5, per_pressure=2e-11, moving=-4e-5)
-    rate, _ = heat.rates(AIR, pressure, T0, volume, Inflow(0.0, 0.0))
+    rate, _ = heat.rates(GasState(pressure, T0), volume, Inflow(0.0, 0.0))
     change = volume.moving + volume.per_pressure * rate
     assert float(rate / pressure) == pytest.approx(float(-exponent * change / volume.value), rel=1e-12)
 

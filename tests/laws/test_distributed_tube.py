@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from mckibben.components.gas import AIR
 from mckibben.errors import InputError
 from mckibben.pneumatics.distributed import (
     ClosedEnd,
@@ -15,7 +16,6 @@ from mckibben.pneumatics.distributed import (
     simulate,
 )
 from mckibben.pneumatics.distributed.equations import nusselt
-from mckibben.pneumatics.gas import AIR
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import friction_factor, haaland
 from mckibben.pneumatics.volume import Isothermal, WallHeat, adiabatic

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from machines import ADIABATIC, ROOM, SAMPLES, SUPPLY, WALL, body, exergy_closes, go, plate, switched
 
 from mckibben.components import Environment
+from mckibben.components.gas import AIR
 from mckibben.engine import held, ramped
 from mckibben.pneumatics.circuit import DeadState
-from mckibben.pneumatics.gas import AIR
 from mckibben.pneumatics.volume import Isothermal, WallHeat
 
 HEATS = {"adiabatic": ADIABATIC, "wall": WALL}

@@ -3,7 +3,7 @@
 import jax
 import pytest
 
-from mckibben.pneumatics.gas import AIR
+from mckibben.components.gas import AIR
 
 
 def test_the_specific_heats_differ_by_the_gas_constant_and_are_in_its_ratio():

@@ -11,9 +11,9 @@ With k = C rho0 R sqrt(T0 T)/V [1/s] of an upstream temperature T, and the ellip
 import numpy as np
 import pytest
 
+from mckibben.components.gas import AIR, REFERENCE_DENSITY
 from mckibben.engine import held, integrate
 from mckibben.pneumatics.circuit import Branch, Circuit
-from mckibben.pneumatics.gas import AIR, REFERENCE_DENSITY
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.volume import FixedVolume, Isothermal, Reservoir, adiabatic
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from mckibben.components.flow import GasState
+from mckibben.components.gas import AIR, Gas
+from mckibben.components.paths import get, parameters, put
 from mckibben.engine import held, integrate, march, ramped
 from mckibben.engine.integration import compile_march
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles import law_from_specimen
-from mckibben.pneumatics import AIR
 from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.compressor import Compressor
 from mckibben.pneumatics.orifice import Leak, Orifice
@@ -584,3 +585,56 @@ def test_the_pressure_switch_keeps_the_tank_between_its_thresholds():
     np.testing.assert_allclose(gauge[stops + 1], 3e5, atol=step)
     with pytest.raises(InputError, match="start_pressure"):
         Compressor(displacement=2e-5, speed=150.0, start_pressure=4e5, stop_pressure=3e5)
+
+
+SHARES = (0.0, 0.4, 1.0, 0.03, -0.5, 4e5)  # of what a state of an element may be
+
+
+def everything(element):
+    """What an element does between a few pressures, at a few commands, states and memories: one row of numbers."""
+    shown = [float(v) for v in element.inner_volumes()] + [float(element.delay() or 0.0)]
+    for levels in itertools.product((P0, 2.6e5, 4e5, 4.1e5, 7e5), repeat=len(element.ports)):
+        at = tuple(
+            GasState(jnp.asarray(p), jnp.asarray(t)) for p, t in zip(levels, (300.0, 280.0, 310.0), strict=False)
+        )
+        kept = element.advance_memory(element.initial_memory(at), at, at)
+        for command, first in itertools.product((-0.7, 0.0, 0.4, 1.0, 3e5), range(6)):
+            places = itertools.count(first)  # so that the parts of a state differ
+            state = jax.tree.map(lambda x, k=places: jnp.full_like(x, SHARES[next(k) % 6]), element.initial())
+            shown += jax.tree.leaves(
+                (kept, element.flows(at, state, kept, command), element.rates(at, state, kept, command),
+                 element.steepest(at, state, command), element.heating(at, state, kept, command),
+                 element.settled(command), element.outputs(at, state, kept, command))
+            )  # fmt: skip
+    return np.array([float(v) for v in shown])
+
+
+@EVERY
+def test_no_number_of_an_element_does_nothing(name):
+    # A number that its user can set, that a header or an FMU shows, and that moves nothing, is a wrong answer.
+    element, _ = ELEMENTS[name]
+    before = everything(element)
+    for path, declared in parameters(element):
+        low, high = declared.bounds
+        value = float(get(element, path))
+        changed = value * 1.25 if value else 0.25 * min(high, 1.0)
+        if not low < changed < high:
+            changed = 0.5 * (value + low)
+        assert np.any(everything(put(element, {path: changed})) != before), path
+
+
+def test_a_circuit_filled_with_another_gas_is_filled_with_it_everywhere():
+    # Without inertia and heat the mass drops out: where R is n times as large, an orifice fills sqrt(n) times as fast, and
+    # a leak, whose flow goes with the density, as fast as before. Both are exact; what is left is the integration.
+    helium = Gas(gas_constant=4.0 * float(AIR.gas_constant))
+    for element, faster in ((SMALL, 2.0), (Leak.from_flow(2e-4, pressure=6e5), 1.0)):
+        ends = {}
+        for of, period in ((AIR, 2e-3), (helium, 2e-3 / faster)):
+            nodes = {"supply": Reservoir(pressure_abs=7e5, temperature=T0), "tank": FixedVolume(size=1e-4)}
+            filling = Circuit.of(nodes, {"way": Branch(element, ("supply", "tank"))}, gas=of)
+            still = {"none": held(np.zeros(101))}
+            run = integrate(filling, filling.initial({"tank": P0}), still, period=period, step_size=period / 20.0)
+            ends[float(of.gas_constant)] = np.asarray(run.outputs["tank.pressure_abs"])
+        slow, fast = ends.values()
+        assert np.ptp(slow) > 1e4
+        np.testing.assert_allclose(fast, slow, rtol=1e-6)

@@ -18,6 +18,7 @@ import numpy as np
 from .._jax import Scalar
 from ..assembly.muscle_unit import BraidMotion, MuscleUnit
 from ..components import Environment
+from ..components.gas import Gas
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import construct
@@ -25,7 +26,6 @@ from ..muscles.elements import Tendon
 from ..muscles.law import TensionLaw, stored_along
 from ..muscles.laws import LAWS, law_type
 from ..pneumatics.circuit import DeadState, Seen
-from ..pneumatics.gas import Gas
 from ..quantities import declared
 from ..recordings import Recording
 from .channels import known

@@ -20,12 +20,12 @@ import numpy as np
 
 from ..answers import Caution, collect
 from ..components import Environment
+from ..components.gas import AIR
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import law_from_specimen
 from ..muscles.law import TensionLaw, stored_along
 from ..pneumatics.circuit import DeadState
-from ..pneumatics.gas import AIR
 from ..quantities import with_unit
 from ..recordings import Recording, read_recording
 from ..recordings.files import path_of, select_between

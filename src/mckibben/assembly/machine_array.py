@@ -349,7 +349,10 @@ class MachineCoupling(Coupling):
             own = {
                 new: pressures[old] for new, old in cell.nodes.items() if old in pressures and new not in cell.shared
             }
-            gas = {f"{name}.gas": GasState(np.asarray(pressures[name]), np.asarray(room)) for name in cell.shared}
+            gas = {
+                f"{name}.gas": GasState(np.asarray(pressures[name]), np.asarray(room), machine.circuit.gas)
+                for name in cell.shared
+            }
             start, kept = call_compiled(at_rest, part.system, own, {**part.signals, **gas})
             for place, piece in (
                 *((state["circuit"][kind], start["circuit"][kind]) for kind in state["circuit"]),

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Array, Tree, jax, jnp
-from ..components import Module, Scalar, derivative, jit_arrays
+from ..components import GasState, Module, Scalar, derivative, jit_arrays
 from ..components.system import Value
 from ..errors import InputError
 from ..pneumatics.volume import Inflow, VolumeState
@@ -62,7 +62,7 @@ def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping
 
     def rate(moving: Any) -> Scalar:
         volume = VolumeState(whole, moved.per_pressure, moving)
-        flow: Scalar = node.heat.rates(circuit.gas, p, temperature, volume, closed)[0]
+        flow: Scalar = node.heat.rates(GasState(p, temperature, circuit.gas), volume, closed)[0]
         return flow
 
     return rate(moved.moving) - rate(jnp.zeros(()))  # without what a wall's heat does meanwhile

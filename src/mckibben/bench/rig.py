@@ -17,6 +17,7 @@ from ..assembly.machine import Machine
 from ..assembly.muscle_unit import Clamp, MuscleUnit
 from ..components import Environment, Module, Scalar, field
 from ..components.flow import FlowElement, GasState
+from ..components.gas import AIR
 from ..engine.native import call_compiled
 from ..errors import InputError
 from ..experiments.dry_run import Limits
@@ -24,7 +25,6 @@ from ..experiments.protocol import Protocol
 from ..muscles.elements import Tendon
 from ..muscles.worn_braid import WornBraid
 from ..pneumatics.circuit import Branch, Circuit
-from ..pneumatics.gas import AIR
 from ..pneumatics.orifice import Leak
 from ..pneumatics.valves import OnOffValve, PressureRegulator
 from ..pneumatics.volume import Chamber, FixedVolume, HeatModel, MovingVolume, Reservoir

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from .._jax import Tree, jnp
 from ..quantities import quantity
+from .gas import AIR, Gas
 from .module import Module, Scalar
 
 
@@ -27,10 +28,11 @@ class Environment(Module):
 
 
 class GasState(NamedTuple):
-    """The gas at a node: absolute pressure [Pa] and temperature [K]."""
+    """The gas at a node: absolute pressure [Pa], temperature [K], and which gas it is: one in a circuit."""
 
     pressure_abs: Scalar
     temperature: Scalar
+    gas: Gas = AIR
 
 
 Gases = tuple[GasState, ...]

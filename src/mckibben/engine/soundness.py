@@ -22,7 +22,10 @@ from .._jax import Scalar, Tree, jax, jnp
 from ..components.system import Exchange, System
 
 OPEN = 1e-3  # error of a balance over a sample from which on it does not close
-QUIET = 1e-4  # share of the stored energy that a system at rest may exchange per second, against which rounding counts [1/s]
+# Share of the stored energy per second of which an exchange is nothing yet [1/s]. Against it counts rounding at rest, and a
+# muscle that gets taut just before a sample ends: the less time is left, the less is exchanged, and no step is short enough
+# for a thousandth of that. A run may so be off by 1e-5 of what it stores in each second.
+QUIET = 1e-2
 PLACING = 16  # parts of a step with which a sample is repeated in which a muscle gets slack or taut
 LEAST = 1e-6  # [J]; of less exchange than this, rounding of what is stored is all that a balance shows
 

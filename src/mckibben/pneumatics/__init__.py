@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_names, lazy_submodules
 
 if TYPE_CHECKING:
+    from ..components.gas import AIR as AIR
+    from ..components.gas import Gas as Gas
     from .build import ELEMENTS as ELEMENTS
     from .build import build_element as build_element
     from .build import size_as as size_as
     from .build import valve_from_specimen as valve_from_specimen
     from .circuit import Branch as Branch
     from .circuit import Circuit as Circuit
-    from .gas import AIR as AIR
-    from .gas import Gas as Gas
     from .orifice import Orifice as Orifice
     from .tubes import InertialTube as InertialTube
     from .tubes import LumpedTube as LumpedTube
@@ -25,7 +25,7 @@ lazy_names(
     {
         "build": ["ELEMENTS", "build_element", "size_as", "valve_from_specimen"],
         "circuit": ["Branch", "Circuit"],
-        "gas": ["AIR", "Gas"],
+        ".components.gas": ["AIR", "Gas"],
         "orifice": ["Orifice"],
         "tubes": ["InertialTube", "LumpedTube"],
         "volume": ["MovingVolume", "Reservoir"],

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from ..components.flow import FlowElement
+from ..components.gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ..documents import JsonValue
 from ..errors import InputError, choice
 from ..quantities import Quantity, declared, parse, with_unit
@@ -20,7 +21,6 @@ from ..registry import Registry
 from ..specimens import Specimen
 from ..specimens.parts import bore_of
 from .compressor import Compressor
-from .gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from .orifice import Leak, Orifice
 from .solenoid import PilotStage, Solenoid
 from .tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube

@@ -27,10 +27,10 @@ from typing import Any, NamedTuple
 from .._jax import Scalar, Tree, jnp
 from ..components import Environment, field
 from ..components.flow import FlowElement, GasState
+from ..components.gas import AIR, Gas
 from ..components.module import flatten
 from ..components.system import Exchange, Moment, System, Value
 from ..errors import InputError
-from .gas import AIR, Gas
 from .orifice import Leak
 from .tubes import TUBES
 from .volume import Chamber, Inflow, Junction, MovingVolume, Reservoir, VolumeState, volume_of
@@ -138,7 +138,7 @@ class Circuit(System):
         masses, pressures = {}, {}
         for name in self.chambers:
             volume = self._volume(name, state["pressure"][name], inputs)
-            rate, _ = self._chamber(name).heat.rates(self.gas, *gases[name], volume, inflow[name])
+            rate, _ = self._chamber(name).heat.rates(gases[name], volume, inflow[name])
             masses[name], pressures[name] = inflow[name].mass, rate
         elements = {
             name: element.rates(
@@ -189,7 +189,7 @@ class Circuit(System):
         gases, volumes = self.gas_states(state, inputs), self.volumes(state, inputs)
         streams = self._streams(state, memory, gases, inputs)
         inflow, added = self._inflows(streams, gases)
-        rates = {n: self._chamber(n).heat.rates(self.gas, *gases[n], volumes[n], inflow[n]) for n in volumes}
+        rates = {n: self._chamber(n).heat.rates(gases[n], volumes[n], inflow[n]) for n in volumes}
         pressure_rates, heat = ({n: r[i] for n, r in rates.items()} for i in (0, 1))
         return Passing(gases, volumes, streams, inflow, added, pressure_rates, heat)
 
@@ -275,11 +275,11 @@ class Circuit(System):
                 gases[name] = junction
             elif isinstance(node, Reservoir):
                 pressure = inputs[node.signal].value if node.signal else node.pressure_abs
-                gases[name] = GasState(pressure, node.temperature)
+                gases[name] = GasState(pressure, node.temperature, self.gas)
             else:
                 p = state["pressure"][name]
                 volume = self._volume(name, p, inputs)
-                gases[name] = GasState(p, self.gas.temperature(p, volume.value, state["mass"][name]))
+                gases[name] = GasState(p, self.gas.temperature(p, volume.value, state["mass"][name]), self.gas)
         return gases
 
     def _chamber(self, name: str) -> Chamber:

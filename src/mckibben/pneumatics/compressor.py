@@ -23,7 +23,6 @@ from ..components import Scalar
 from ..components.flow import FlowElement, Gases
 from ..errors import InputError
 from ..quantities import quantity, with_unit
-from .gas import AIR, Gas
 from .solenoid import switched
 
 
@@ -58,7 +57,6 @@ class Compressor(FlowElement):
     stop_pressure: Scalar = quantity(
         "Pa", (0.0, 1e8), "switches off above, above the intake", typical=(5e5, 1.2e6), default=1e8
     )
-    gas: Gas = AIR
 
     def __check_init__(self) -> None:
         """Refuse a switch that starts above where it stops."""
@@ -93,14 +91,17 @@ class Compressor(FlowElement):
         intake, _ = gas
         left = 1.0 + self.clearance * (1.0 - jnp.exp(jnp.log(_ratio(gas)) / self.exponent))
         swept = self.displacement * self.speed / (2.0 * math.pi) * self.running(memory, command)
-        return (swept * jnp.where(left <= 0.0, 0.0, left) * self.gas.density(intake.pressure_abs, intake.temperature),)
+        return (
+            swept * jnp.where(left <= 0.0, 0.0, left) * intake.gas.density(intake.pressure_abs, intake.temperature),
+        )
 
     def shaft_power(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> Scalar:
         """Power of the shaft [W]."""
-        gamma = self.gas.heat_ratio
+        of = gas[0].gas
+        gamma = of.heat_ratio
         rise = jnp.exp(jnp.log(_ratio(gas)) * (gamma - 1.0) / gamma) - 1.0
         (flow,) = self.flows(gas, state, memory, command)
-        return flow * self.gas.cp * gas[0].temperature * jnp.where(rise <= 0.0, 0.0, rise) / self.efficiency
+        return flow * of.cp * gas[0].temperature * jnp.where(rise <= 0.0, 0.0, rise) / self.efficiency
 
     def heating(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> tuple[Scalar, ...]:
         """Part of the shaft's power that heats the gas [W]."""

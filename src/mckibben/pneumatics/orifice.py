@@ -1,9 +1,10 @@
 """Orifices, valves' restrictions and leaks by ISO 6358: a sonic conductance C and a critical pressure ratio b.
 
-    w = C rho0 p1 sqrt(T0/T1) psi(p2/p1)
+    w = C rho0 p1 sqrt(R0 T0/(R T1)) psi(p2/p1)
     psi = 1 where p2/p1 <= b (choked), else sqrt(1 - ((p2/p1 - b)/(1 - b))^2)
 
-with p1, T1 upstream and rho0, T0 of the reference atmosphere. Both directions; near equal pressures, over a difference
+with p1, T1 upstream and rho0, R0, T0 of the reference atmosphere, which is air; C and b are those of air, another gas of
+constant R flows by its density. Both directions; near equal pressures, over a difference
 ``linear_band``, the root is replaced by a parabola that meets it with value and slope, so that the slope stays finite: this
 is what a laminar start looks like, and what an integrator needs. Range: 0 < b < 1, any pair of absolute pressures; for
 b = 0.528 it agrees with the isentropic nozzle within 0.35 % outside the linear zone. Source: ISO 6358-1:2013.
@@ -20,10 +21,10 @@ from typing import Any, ClassVar, TypedDict, Unpack
 from .._jax import Tree, jnp
 from ..components import Scalar
 from ..components.flow import Gases, GasState, TwoPort
+from ..components.gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ..components.programs import evaluated
 from ..errors import InputError
 from ..quantities import quantity
-from .gas import AIR, REFERENCE_DENSITY, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE, Gas
 
 # Where a standard nominal flow is measured: 6 and 5 bar above the reference atmosphere, as absolute pressures [Pa].
 NOMINAL_INLET, NOMINAL_OUTLET = 6e5 + REFERENCE_PRESSURE, 5e5 + REFERENCE_PRESSURE
@@ -40,7 +41,7 @@ def conductance_flow(
 
     Args:
         p1: upstream absolute pressure [Pa].
-        cold1: temperature of the reference atmosphere over that upstream, T0/T1 [1].
+        cold1: density of the gas upstream over that of reference air at the same pressure, T0/T1 in air [1].
         p2: downstream absolute pressure [Pa].
         conductance: sonic conductance C [m^3/(s Pa)].
         critical_ratio: b [1].
@@ -70,7 +71,6 @@ class OrificeOptions(TypedDict, total=False):
     """Fields of an `Orifice` beside conductance and critical ratio."""
 
     linear_band: Scalar
-    gas: Gas
 
 
 class Orifice(TwoPort):
@@ -86,7 +86,6 @@ class Orifice(TwoPort):
         "1", (0.01, 0.99), "critical pressure ratio", symbol="b", typical=(0.15, 0.6), default=0.35
     )
     linear_band: Scalar = quantity("Pa", (1.0, 1e5), "pressure difference of the linear zone", default=5e3)
-    gas: Gas = AIR
 
     @classmethod
     def from_flow(
@@ -202,7 +201,7 @@ def opening_flow(
         # a choice, not max and min: at equal pressures their derivatives would cancel
         jnp.where(forward, a.pressure_abs, b.pressure_abs),
         # of each node and then chosen: one division for all restrictions at a node, none where its temperature is given
-        jnp.where(forward, REFERENCE_TEMPERATURE / a.temperature, REFERENCE_TEMPERATURE / b.temperature),
+        jnp.where(forward, _density_over_air(a), _density_over_air(b)),
         jnp.where(forward, b.pressure_abs, a.pressure_abs),
         conductance=(orifice.conductance if conductance is None else conductance) * opening,
         critical_ratio=orifice.critical_ratio,
@@ -211,12 +210,17 @@ def opening_flow(
     return jnp.where(forward, flow, -flow)
 
 
+def _density_over_air(at: GasState) -> Scalar:
+    return REFERENCE_TEMPERATURE / at.temperature * (AIR.gas_constant / at.gas.gas_constant)
+
+
 def steepest_slope(orifice: Orifice, a: GasState, b: GasState, *, conductance: Scalar | None = None) -> Scalar:
     """Largest dw/dp of a restriction between the pressures at its ends [kg/(s Pa)]: what makes a small volume stiff."""
     upstream = jnp.maximum(a.pressure_abs, b.pressure_abs)
     x = jnp.minimum(orifice.linear_band / (upstream * (1.0 - orifice.critical_ratio)), 0.5)
     c = orifice.conductance if conductance is None else conductance
-    return 3.0 * c * REFERENCE_DENSITY / ((1.0 - orifice.critical_ratio) * jnp.sqrt(x * (2.0 - x)))
+    lighter = jnp.sqrt(AIR.gas_constant / a.gas.gas_constant)
+    return 3.0 * c * REFERENCE_DENSITY * lighter / ((1.0 - orifice.critical_ratio) * jnp.sqrt(x * (2.0 - x)))
 
 
 def flow_of_decay(decay: float, *, volume: float) -> float:
@@ -233,19 +237,18 @@ def flow_of_decay(decay: float, *, volume: float) -> float:
 class Leak(TwoPort):
     """A leak between two ports, or to the atmosphere, equal in both directions.
 
-        w = G rho0 (Pa^2 - Pb^2)/(2 p0) * (T0 mu(T0))/(T mu(T))
+        w = G rho0 (Pa^2 - Pb^2)/(2 p0) * (R0 T0 mu0(T0))/(R T mu(T))
 
     G is the volume flow of air in the reference atmosphere (p0, T0, rho0 of ISO 6358-1) per pressure difference, at a
-    mean pressure of p0; T is upstream. Range: isothermal laminar flow, a Reynolds number below 2000, which all but the
-    gross leaks of a pneumatic part have; no choking. Source: the law of Hagen and Poiseuille, integrated along the
-    passage with the density of an ideal gas.
+    mean pressure of p0; T is upstream, R0 and mu0 are air's. Range: isothermal laminar flow, a Reynolds number below
+    2000, which all but the gross leaks of a pneumatic part have; no choking. Source: the law of Hagen and Poiseuille,
+    integrated along the passage with the density of an ideal gas.
     """
 
     symbol: ClassVar[str] = "leak"
     conductance: Scalar = quantity(
         "m^3/(s*Pa)", (0.0, 1e-6), "reference air per pressure", symbol="G", typical=(1e-14, 1e-10)
     )
-    gas: Gas = AIR
 
     @classmethod
     def from_flow(cls, flow: float, *, pressure: float, ambient: float = 101325.0) -> Leak:
@@ -288,7 +291,7 @@ class Leak(TwoPort):
     def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
         upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
-        warm = REFERENCE_TEMPERATURE * self.gas.viscosity(REFERENCE_TEMPERATURE)
-        warm = warm / (upstream * self.gas.viscosity(upstream))
+        warm = REFERENCE_TEMPERATURE * AIR.viscosity(REFERENCE_TEMPERATURE) * (AIR.gas_constant / a.gas.gas_constant)
+        warm = warm / (upstream * a.gas.viscosity(upstream))
         squares = (a.pressure_abs - b.pressure_abs) * (a.pressure_abs + b.pressure_abs)
         return self.conductance * REFERENCE_DENSITY * warm * squares / (2.0 * REFERENCE_PRESSURE)

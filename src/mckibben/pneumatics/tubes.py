@@ -18,7 +18,6 @@ from .._jax import Tree, jnp
 from ..components import Scalar
 from ..components.flow import GasState, TwoPort
 from ..quantities import quantity
-from .gas import AIR, Gas
 
 LAMINAR_END, TURBULENT_START = 2300.0, 4000.0
 
@@ -60,10 +59,10 @@ class LinearTube(TwoPort):
         return (a.pressure_abs - b.pressure_abs) / self.resistance
 
 
-def mean_density(gas: Gas, a: GasState, b: GasState, forward: Scalar) -> Scalar:
+def mean_density(a: GasState, b: GasState, forward: Scalar) -> Scalar:
     """Density at the mean pressure of the ends [kg/m^3] (eq. 21), at the temperature of where the gas comes from."""
     upstream = jnp.where(forward, a.temperature, b.temperature)
-    return gas.density(0.5 * (a.pressure_abs + b.pressure_abs), upstream)
+    return a.gas.density(0.5 * (a.pressure_abs + b.pressure_abs), upstream)
 
 
 # Keeps the slope at no flow finite; a thousandth of the paper's R1, which it changes by 1e-6 of it [Pa s/m].
@@ -85,7 +84,6 @@ class QuadraticTube(TwoPort):
     viscous: Scalar = quantity("Pa*s/m", (0.0, 1e8), "viscous coefficient", symbol="R1", typical=(1.0, 1e3))
     turbulent: Scalar = quantity("Pa*s^2/m^2", (1e-6, 1e8), "turbulent coefficient", symbol="R2", typical=(0.1, 1e3))
     area: Scalar = quantity("m^2", (1e-9, 1e-2), "effective cross section", symbol="A", typical=(1e-6, 1e-4))
-    gas: Gas = AIR
 
     def mass_flow(self, a: GasState, b: GasState, state: Tree = (), command: Scalar = 0.0) -> Scalar:
         """Mass flow from a to b [kg/s]."""
@@ -93,7 +91,7 @@ class QuadraticTube(TwoPort):
         # The root in the form that does not cancel, and whose slope at zero is 1/R1; a little R1 is always there.
         viscous = jnp.sqrt(self.viscous**2 + LEAST_VISCOUS**2)
         speed = 2.0 * drop / (viscous + jnp.sqrt(viscous**2 + 4.0 * self.turbulent * jnp.abs(drop)))
-        return mean_density(self.gas, a, b, drop >= 0.0) * self.area * speed
+        return mean_density(a, b, drop >= 0.0) * self.area * speed
 
 
 def inertance(*, length: Scalar, area: Scalar) -> Scalar:
@@ -129,11 +127,10 @@ class InertialTube(FlowState):
     turbulent: Scalar = quantity("Pa*s^2/m^2", (0.0, 1e8), "turbulent coefficient", symbol="R2", typical=(0.1, 1e3))
     area: Scalar = quantity("m^2", (1e-9, 1e-2), "effective cross section", symbol="A", typical=(1e-6, 1e-4))
     length: Scalar = quantity("m", (1e-3, 100.0), "effective length", symbol="l", typical=(0.1, 5.0))
-    gas: Gas = AIR
 
     def rate(self, a: GasState, b: GasState, state: Tree, command: Scalar) -> Tree:
         """dw/dt [kg/s^2]."""
-        speed = state / (mean_density(self.gas, a, b, state >= 0.0) * self.area)
+        speed = state / (mean_density(a, b, state >= 0.0) * self.area)
         loss = self.viscous * speed + self.turbulent * speed * jnp.abs(speed)
         return (a.pressure_abs - b.pressure_abs - loss) / inertance(length=self.length, area=self.area)
 
@@ -166,7 +163,6 @@ class LumpedTube(FlowState):
     ends: Scalar = quantity("1", (0.0, 1e3), "loss of both ends in velocity heads", symbol="K", default=1.5)
     friction_scale: Scalar = quantity("1", (0.01, 100.0), "friction over that of a straight pipe", default=1.0)
     wall_temperature: Scalar = quantity("K", (200.0, 500.0), "temperature of the wall", symbol="Tw", default=293.15)
-    gas: Gas = AIR
 
     @property
     def area(self) -> Scalar:
@@ -178,14 +174,14 @@ class LumpedTube(FlowState):
         forward = state >= 0.0
         temperature = jnp.where(forward, a.temperature, b.temperature)
         flux = state / self.area
-        sonic = flux * self.gas.sound_speed(temperature) / self.gas.heat_ratio
+        sonic = flux * a.gas.sound_speed(temperature) / a.gas.heat_ratio
         # The pressure in whichever bore is the exit, as choices: at a tie a maximum has half a derivative.
         p1 = jnp.where(a.pressure_abs < -sonic, -sonic, a.pressure_abs)
         p2 = jnp.where(b.pressure_abs < sonic, sonic, b.pressure_abs)
         drop, twice = p1 - p2, 1.0 / (p1 + p2)
-        volume = 2.0 * self.gas.gas_constant * temperature * twice  # of the mean gas per mass
+        volume = 2.0 * a.gas.gas_constant * temperature * twice  # of the mean gas per mass
         size = jnp.abs(flux)
-        viscosity = self.gas.viscosity(self.wall_temperature)  # friction acts at the wall, which is known in advance
+        viscosity = a.gas.viscosity(self.wall_temperature)  # friction acts at the wall, which is known in advance
         reynolds = size * self.diameter / viscosity
         share = turbulence(reynolds)
         slender = self.friction_scale * self.length / self.diameter

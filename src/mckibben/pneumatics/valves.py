@@ -8,9 +8,9 @@ from typing import ClassVar
 from .._jax import Tree, jnp
 from ..components import Scalar, field
 from ..components.flow import FlowElement, Gases, GasState, TwoPort
+from ..components.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..errors import InputError
 from ..quantities import quantity
-from .gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from .orifice import Orifice, conductance_flow, opening_flow, steepest_slope
 from .solenoid import EASED_SLOPE, PilotStage, Solenoid, between, eased, share
 

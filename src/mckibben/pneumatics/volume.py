@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 
 from .._jax import jax, jit, jnp
 from ..components import AbstractVar, Module, Scalar, field
+from ..components.flow import GasState
 from ..components.programs import evaluated
 from ..quantities import quantity
-from .gas import Gas
 
 
 class VolumeState(NamedTuple):
@@ -43,16 +43,15 @@ class HeatModel(Module):
     """Turns inflow and motion into a pressure rate and a heat flow."""
 
     @abc.abstractmethod
-    def rates(
-        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
-    ) -> tuple[Scalar, Scalar]:
+    def rates(self, at: GasState, volume: VolumeState, inflow: Inflow) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
 
 
-def _heat(gas: Gas, p: Any, rate: Any, volume: VolumeState, inflow: Inflow) -> Scalar:
+def _heat(at: GasState, rate: Any, volume: VolumeState, inflow: Inflow) -> Scalar:
     """Heat that the energy balance then requires [W]: Q = dU/dt - sum H + P dV/dt."""
+    p: Any = at.pressure_abs
     change = volume.moving + volume.per_pressure * rate
-    stored = (volume.value * rate + p * change) / (gas.heat_ratio - 1.0)
+    stored = (volume.value * rate + p * change) / (at.gas.heat_ratio - 1.0)
     heat: Scalar = stored - inflow.enthalpy + p * change
     return heat
 
@@ -60,13 +59,11 @@ def _heat(gas: Gas, p: Any, rate: Any, volume: VolumeState, inflow: Inflow) -> S
 class Isothermal(HeatModel):
     """The gas stays at the temperature it has."""
 
-    def rates(
-        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
-    ) -> tuple[Scalar, Scalar]:
+    def rates(self, at: GasState, volume: VolumeState, inflow: Inflow) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
-        drive = gas.gas_constant * temperature * inflow.mass - pressure_abs * volume.moving
-        rate = drive / (volume.value + pressure_abs * volume.per_pressure)
-        return rate, _heat(gas, pressure_abs, rate, volume, inflow)
+        drive = at.gas.gas_constant * at.temperature * inflow.mass - at.pressure_abs * volume.moving
+        rate = drive / (volume.value + at.pressure_abs * volume.per_pressure)
+        return rate, _heat(at, rate, volume, inflow)
 
 
 class Polytropic(HeatModel):
@@ -74,13 +71,11 @@ class Polytropic(HeatModel):
 
     exponent: Scalar = quantity("1", (1.0, 1.67), "polytropic exponent", symbol="n", default=1.2)
 
-    def rates(
-        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
-    ) -> tuple[Scalar, Scalar]:
+    def rates(self, at: GasState, volume: VolumeState, inflow: Inflow) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
-        drive = gas.gas_constant * temperature * inflow.mass - pressure_abs * volume.moving
-        rate = self.exponent * drive / (volume.value + self.exponent * pressure_abs * volume.per_pressure)
-        return rate, _heat(gas, pressure_abs, rate, volume, inflow)
+        drive = at.gas.gas_constant * at.temperature * inflow.mass - at.pressure_abs * volume.moving
+        rate = self.exponent * drive / (volume.value + self.exponent * at.pressure_abs * volume.per_pressure)
+        return rate, _heat(at, rate, volume, inflow)
 
 
 class WallHeat(HeatModel):
@@ -89,14 +84,12 @@ class WallHeat(HeatModel):
     conductance: Scalar = quantity("W/K", (0.0, 1e4), "heat conductance to the wall", symbol="hA", default=0.0)
     wall_temperature: Scalar = quantity("K", (200.0, 500.0), "temperature of the wall", symbol="Tw", default=293.15)
 
-    def rates(
-        self, gas: Gas, pressure_abs: Scalar, temperature: Scalar, volume: VolumeState, inflow: Inflow
-    ) -> tuple[Scalar, Scalar]:
+    def rates(self, at: GasState, volume: VolumeState, inflow: Inflow) -> tuple[Scalar, Scalar]:
         """Pressure rate [Pa/s] and heat into the gas [W]."""
-        heat = self.conductance * (self.wall_temperature - temperature)
-        gamma = gas.heat_ratio
-        drive = (gamma - 1.0) * (inflow.enthalpy + heat) - gamma * pressure_abs * volume.moving
-        rate = drive / (volume.value + gamma * pressure_abs * volume.per_pressure)
+        heat = self.conductance * (self.wall_temperature - at.temperature)
+        gamma = at.gas.heat_ratio
+        drive = (gamma - 1.0) * (inflow.enthalpy + heat) - gamma * at.pressure_abs * volume.moving
+        rate = drive / (volume.value + gamma * at.pressure_abs * volume.per_pressure)
         return rate, heat + jnp.zeros_like(rate)
 
 

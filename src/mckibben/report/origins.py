@@ -58,11 +58,9 @@ def known_specimen(meta: Mapping[str, JsonValue]) -> Specimen | None:
 
 
 def parameters(meta: Mapping[str, JsonValue]) -> list[ResolvedParameters]:
-    """All resolved parameters of a recording, in order; the gas of a circuit appears once, not at each of its parts."""
+    """All resolved parameters of a recording, in order."""
     spec, resolved = known_specimen(meta), []
     for path, entry in mapping(meta.get("parameters")).items():
-        if _repeated(str(path), entry, mapping(meta.get("parameters"))):
-            continue
         value, unit = (mapping(entry).get(k) for k in ("value", "unit"))
         names = [*_names(str(path), meta)]
         assumed = mapping(mapping(meta.get("assumptions")).get(str(path)))
@@ -98,17 +96,12 @@ def inferred_inputs(meta: Mapping[str, JsonValue]) -> list[InferredInput]:
     return inputs
 
 
-def _repeated(path: str, entry: Any, all_of_them: Mapping[str, Any]) -> bool:
-    _, inside, last = path.partition(".gas.")
-    return bool(inside) and f"circuit.gas.{last}" != path and all_of_them.get(f"circuit.gas.{last}") == entry
-
-
 def _names(path: str, meta: Mapping[str, JsonValue]) -> Iterator[str]:
     head, _, rest = path.partition(".")
     layout = f"plumbing.{meta.get('plumbing', '')}"
     if head == "circuit":
         kind, _, rest = rest.partition(".")
-        if kind == "elements" and ".gas." not in rest:
+        if kind == "elements":
             yield f"{layout}.{rest}"
         elif kind == "nodes":
             last = {"size": "port_volume", "dead": "muscle_accumulator"}.get(rest.rpartition(".")[2])

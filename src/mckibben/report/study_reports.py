@@ -14,13 +14,13 @@ import numpy as np
 
 from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyCurve, EnergyCycle
 from ..answers import named
+from ..components.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..errors import InputError
 from ..formats.columns import AMBIENT
 from ..muscles import evidence
 from ..muscles.build import rest_length_of, upper_length_of
 from ..muscles.laws import law_type
 from ..muscles.muscle import from_specimen
-from ..pneumatics.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..quantities import from_si, with_unit
 from ..studies.characterisation.stages import STAGES
 from ..studies.characterisation.verb import Characterisation

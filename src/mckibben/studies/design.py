@@ -14,12 +14,12 @@ from ..batch import Output, VariantOutcome, Variants, grid
 from ..batch.run_template import make_template, setting
 from ..batch.sweep import Sweep, run_batch
 from ..bench.rig_file import rig as rig_of
+from ..components.gas import AIR
 from ..documents import JsonValue
 from ..errors import InputError
 from ..experiments.protocol import Protocol
 from ..experiments.read import parse_protocol, with_values
 from ..pneumatics.circuit import DeadState
-from ..pneumatics.gas import AIR
 from ..quantities import parse
 from ..specimens import specimen
 

@@ -20,11 +20,11 @@ import numpy as np
 from ..analysis.frequency import time_lead
 from ..components import Environment
 from ..components.flow import TwoPort
+from ..components.gas import AIR
 from ..engine import ramped
 from ..experiments.waveforms import MultiSine, PointTable
 from ..experiments.waveforms.shapes import uniform
 from ..identification import Estimate, Trial, fit_circuit
-from ..pneumatics import AIR
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.distributed import DistributedTube, ReservoirEnd, VesselEnd, simulate
 from ..pneumatics.tubes import InertialTube, LinearTube, LumpedTube, QuadraticTube

@@ -22,9 +22,9 @@ import numpy as np
 from ..analysis.loops import closed_area
 from ..analysis.shortening import shortening_power
 from ..bench.rig import Rig
+from ..components.gas import AIR
 from ..documents import JsonValue
 from ..errors import MckibbenError
-from ..pneumatics.gas import AIR
 from ..quantities import from_si, shown_unit
 from ..recordings import Channel, Recording
 

@@ -17,9 +17,9 @@ import numpy as np
 from ..._jax import Array, jax, jnp
 from ...components import Module, Scalar
 from ...components.flow import GasState, TwoPort
+from ...components.gas import Gas
 from ...errors import InputError
 from ...quantities import quantity
-from ..gas import Gas
 from ..volume import HeatModel, Inflow, Isothermal, VolumeState, WallHeat
 from .equations import Medium, Primitive
 
@@ -141,9 +141,9 @@ class Restriction(Opening):
         if not isinstance(self.flow, TwoPort) and not callable(self.flow):
             raise InputError("flow", self.flow, "must be an element or a function of P_up, T_up and P_down")
 
-    def _entering_flow(self, outside: Primitive, inside: Primitive, *, leaves: bool) -> Scalar:
+    def _entering_flow(self, medium: Medium, outside: Primitive, inside: Primitive, *, leaves: bool) -> Scalar:
         if isinstance(self.flow, TwoPort):
-            port, at_tube = (GasState(gas.pressure, gas.temperature) for gas in (outside, inside))
+            port, at_tube = (GasState(gas.pressure, gas.temperature, medium.gas) for gas in (outside, inside))
             return self.flow.mass_flow(port, at_tube, self.flow.initial(), self.command)
         entering: Scalar
         if leaves:
@@ -155,7 +155,7 @@ class Restriction(Opening):
     def outward(self, medium: Medium, leaving: Primitive, outside: Primitive, area: Scalar) -> Scalar:
         """Flow of the restriction above that of the tube [kg/(m2 s)]."""
         density = medium.gas.density(leaving.pressure, leaving.temperature)
-        flow = -self._entering_flow(outside, medium.at_rest(leaving), leaves=True)
+        flow = -self._entering_flow(medium, outside, medium.at_rest(leaving), leaves=True)
         return flow / area - density * leaving.velocity
 
     def inward(
@@ -163,7 +163,7 @@ class Restriction(Opening):
     ) -> Scalar:
         """Flow of the restriction above that of the tube [kg/(m2 s)]."""
         density = medium.gas.density(entering.pressure, entering.temperature)
-        return self._entering_flow(outside, entering, leaves=False) / area - density * entering.velocity
+        return self._entering_flow(medium, outside, entering, leaves=False) / area - density * entering.velocity
 
     def choked_pressure(self, medium: Medium, entering: Primitive, residual: Scalar) -> Scalar:
         """Pressure at which the tube takes the choked flow of the restriction [Pa]."""
@@ -355,9 +355,8 @@ class VesselEnd(End):
         zero = jnp.zeros_like(face.mass)
         inside = self.outside(gas, state, 0.0)
         inflow = Inflow(face.mass * area, face.energy * area)
-        rise, heat = self.heat.rates(
-            gas, inside.pressure, inside.temperature, VolumeState(self.volume, zero, zero), inflow
-        )
+        at = GasState(inside.pressure, inside.temperature, gas)
+        rise, heat = self.heat.rates(at, VolumeState(self.volume, zero, zero), inflow)
         return EndState(inflow.mass, self.volume * rise / (gas.heat_ratio - 1.0), heat)
 
     def least_volume(self) -> Scalar:

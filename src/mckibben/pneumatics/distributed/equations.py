@@ -43,7 +43,7 @@ from typing import NamedTuple
 
 from ..._jax import Array, jnp
 from ...components import Module, Scalar, field
-from ..gas import AIR, Gas
+from ...components.gas import AIR, Gas
 from ..tubes import LAMINAR_END, haaland, turbulence
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from ..._jax import jax, jnp
 from ...components import Module, Scalar, field, jit_arrays
+from ...components.gas import AIR, Gas
 from ...errors import ConvergenceError, InputError, choice
 from ...quantities import declared, quantity
-from ..gas import AIR, Gas
 from .ends import End, EndState, ReservoirEnd, TubeFace
 from .equations import WALLS, Conserved, Medium, Primitive, WallRates, hllc, reconstruct, wall_rates
 

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..._jax import jit, jnp
+from ...components.gas import AIR
 from ...errors import InputError
 from ...muscles import braid
-from ...pneumatics.gas import AIR
 from .braid_law import BRAID_LAWS, INFERRED, INFERRED_IN, LawError, braid_law, error_of_braid, usual
 from .candidate import Candidate
 from .requirements import ALLOWED, Requirements, Shortfall

@@ -17,9 +17,9 @@ from ...analysis.energy.cycles import PotentialMuscle, Probe
 from ...answers import brief
 from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
+from ...components.gas import AIR
 from ...documents import JsonValue
 from ...muscles.law import TensionLaw
-from ...pneumatics.gas import AIR
 from ...specimens import Specimen
 from .braid_law import LawError
 from .requirements import Requirements

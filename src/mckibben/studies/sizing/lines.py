@@ -27,9 +27,9 @@ import numpy as np
 
 from ...answers import brief
 from ...assembly.build import INFERRED as ASSEMBLED
+from ...components.gas import REFERENCE_DENSITY
 from ...documents import JsonValue
 from ...pneumatics.build import valve_from_specimen
-from ...pneumatics.gas import REFERENCE_DENSITY
 from ...pneumatics.tubes import LumpedTube
 from ...pneumatics.valves import PressureRegulator
 from ...specimens import Specimen, specimen, specimen_ids

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from ...components import Environment
+from ...components.gas import AIR
 from ...documents import JsonValue
 from ...errors import InputError
 from ...pneumatics.build import known_keys
-from ...pneumatics.gas import AIR
 from ...quantities import in_si, parse, with_unit
 from ...schema import FileTable
 from ...specimens import KNOWN_PROPERTIES, Specimen, SpecimenNumber, specimen, specimen_ids

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 from ...answers import brief
 from ...components.flow import GasState
+from ...components.gas import AIR, REFERENCE_DENSITY
 from ...pneumatics.compressor import Compressor
-from ...pneumatics.gas import AIR, REFERENCE_DENSITY
 from ...quantities import with_unit
 from ...specimens.parts import CataloguePart, parts
 from .candidate import Judged, LawAtPressure

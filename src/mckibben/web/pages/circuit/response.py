@@ -16,16 +16,15 @@ from ....analysis.steps import LAST, settling, step_responses
 from ....assembly.circuit_file import CircuitPlan
 from ....components import paths
 from ....components.flow import GasState
+from ....components.gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....components.system import Moment, System, Value
 from ....documents import JsonValue
 from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
 from ....engine.native import EngineFunction, compile_function
 from ....engine.rates import RK4_LIMIT
 from ....errors import ConvergenceError, InputError, MckibbenError
-from ....pneumatics import AIR
 from ....pneumatics.build import known_keys, with_usual_unit
 from ....pneumatics.circuit import Circuit, RunBalance, balance, path_name
-from ....pneumatics.gas import REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
 from ....pneumatics.tubes import LinearTube, inertance
 from ....quantities import declared, from_si, parse, with_unit
 from ....recordings import Channel, Recording
@@ -295,7 +294,7 @@ def _resistance(plan: CircuitPlan, name: str) -> float:
     driven = [float(np.abs(v).max()) for n, v in plan.values().items() if plan.signals[n].unit == "Pa"]
     full = room + max([*map(abs, plan.starts.values()), *driven, 1e5])
     element: Any = plan.circuit.elements[name]
-    low, high = GasState(room, warm), GasState(full, warm)
+    low, high = (GasState(p, warm, plan.circuit.gas) for p in (room, full))
     if isinstance(element.initial(), tuple):
         return (full - room) / float(element.mass_flow(high, low))
     # one with inertia is asked where it no longer accelerates

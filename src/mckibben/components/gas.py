@@ -13,8 +13,8 @@ of F. M. White, Viscous Fluid Flow.
 from __future__ import annotations
 
 from .._jax import jnp
-from ..components import Module, Scalar
 from ..quantities import quantity
+from .module import Module, Scalar
 
 # Reference atmosphere of ISO 6358-1 and ISO 8778 (ANR): a sonic conductance is a volume flow of air in this state per
 # absolute pressure.
