@@ -171,7 +171,7 @@ def study(number: int, seed: int) -> dict[str, Any]:
     except StageError as error:
         return row | {"outcome": "failed", "why": str(error), "seconds": round(time.process_time() - begin, 2)}
     row["seconds"] = round(time.process_time() - begin, 2)
-    row |= {"outcome": "passed" if found.passed else "failed", "why": found.failure, "law": found.law}
+    row |= {"outcome": "passed" if found.passed else "failed", "why": found.failure() or "", "law": found.law}
     row |= {"machine_time": found.seconds, "held_out": found.held_out_error}
     points = found.evaluation.points
     levels = np.unique(np.round(points.pressure / 1e4))  # pressures are the same to the regulator's error

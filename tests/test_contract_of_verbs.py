@@ -32,6 +32,7 @@ COMMANDS |= {
 }
 ANNOUNCED = {name.replace("-", " "): one for name, one in plugins("mckibben.commands").items()}
 COMMANDS |= {name: one for name, one in ANNOUNCED.items() if isinstance(one, VerbCommand)}
+COMMANDS["benchmark"] = ANNOUNCED["benchmark"].first
 # A question for each verb, by the words of its command; with cautions where there are any to be had.
 ASKED = {
     "muscles": "",
@@ -50,6 +51,10 @@ ASKED = {
     "calibrate skew": "--rig modern --simulate --samples 1000",
     "calibrate show": "no.toml",
     "calibrate apply": "no.nc --off --out no.csv",
+    "run": "work-loop --muscle nylon --rig modern --dry-run",
+    "characterise": "--muscle nylon --max-pressure 20bar --out own",
+    "benchmark": "--task nothing",
+    "reproduce": "--row valve.festo_power --no-recordings",
     "joint": "--command flexor=0.1 --duration 0.02s",
     "control": "--controller memory-inverse --plants 0 --duration 3s",
     "sweep": f"{CIRCUITS.parent / 'sweeps' / 'tube-and-threshold.toml'} --out sweep --dry-run",

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from .muscles import PressureLaw as PressureLaw
     from .muscles import TensionLaw as TensionLaw
     from .muscles.build import law as law
-    from .muscles.build import muscle as muscle
+    from .muscles.muscle import muscle as muscle
     from .quantities import quantity as quantity
     from .recordings import Channel as Channel
     from .recordings import ForceMap as ForceMap
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 # others above.
 PUBLIC: dict[str, dict[str, str]] = {
     "Muscles and laws": {
-        "muscle": "muscles.build",
+        "muscle": "muscles.muscle",
         "Muscle": "muscles",
         "PressureLaw": "muscles",
         "TensionLaw": "muscles",

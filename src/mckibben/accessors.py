@@ -86,9 +86,9 @@ def implementation(name: str) -> Any:
     """The object that carries out what a lower room offers, its module loaded.
 
     Args:
-        name: of it in `PLACES`, or its place itself where its module imports the one that asks.
+        name: of it in `PLACES`.
     """
-    module, _, attribute = PLACES.get(name, name).partition(":")
+    module, _, attribute = PLACES[name].partition(":")
     return getattr(importlib.import_module(f"{__package__}.{module}"), attribute)
 
 

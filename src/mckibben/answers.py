@@ -124,6 +124,7 @@ class Table:
         rows: values by the keys of the columns.
         notes: sentences below it.
         most: rows that a person is shown; all by default.
+        below: key of what is said below each row, across the columns; none by default.
     """
 
     title: str
@@ -131,6 +132,7 @@ class Table:
     rows: Sequence[Mapping[str, Any]]
     notes: tuple[str, ...] = ()
     most: int | None = None
+    below: str = ""
 
     def __repr__(self) -> str:
         return brief(self)
@@ -140,7 +142,9 @@ class Table:
             aside = (f" style='text-align:{'right' if i in self.right else 'left'}'" for i in range(len(words)))
             return f"<tr>{''.join(f'<{tag}{a}>{escape(w)}</{tag}>' for w, a in zip(words, aside, strict=True))}</tr>"
 
-        lines = [line("td", row) for row in self.cells()[: self.most]]
+        across = f"<tr><td colspan={len(self.columns)}>"
+        said = [f"{across}{escape(str(row[self.below]))}</td></tr>" if self.below else "" for row in self.rows]
+        lines = [line("td", row) + more for row, more in zip(self.cells(), said, strict=True)][: self.most]
         notes = "".join(f"<p>{escape(named(note))}</p>" for note in self.notes)
         heading = f"<p><b>{escape(self.title)}</b></p>" if self.title else ""
         return f"{heading}<table>{line('th', self.heads)}{''.join(lines)}</table>{notes}"

@@ -129,6 +129,9 @@ Lengths = Annotated[Sequence[float | str] | str, QUANTITIES["LENGTHS"]]
 Pressures = Annotated[Sequence[float | str] | str, QUANTITIES["PRESSURES"]]
 FilePressures = Annotated[Sequence[float | str] | str, QUANTITIES["PRESSURES"]._replace(word="PRESSURE")]
 Masses = Annotated[Sequence[float | str] | str, QUANTITIES["MASSES"]]
+Stiffness = Annotated[float | str, QUANTITIES["STIFFNESS"]]
+CalibrationFile = Annotated[Any, ParameterType("CALIBRATION")]
+MachineName = Annotated[str, ParameterType("MACHINE")]
 Acceleration = Annotated[float | str, QUANTITIES["ACCELERATION"]]
 Share = Annotated[float | str, QUANTITIES["SHARE"]]
 Shares = Annotated[Sequence[float | str] | str, QUANTITIES["SHARES"]._replace(none=True)]
@@ -136,7 +139,6 @@ BarePressure = Annotated[float | str, QUANTITIES["PRESSURE"]._replace(bare=True)
 TensionReading = Annotated[str, ParameterType("LENGTH,PRESSURE,FORCE")]
 Count = Annotated[int, ParameterType("N")]
 RecordingFile = Annotated[Any, ParameterType("RECORDING")]  # or the recording itself
-RecordingFiles = Annotated[Any, ParameterType("RECORDING", listed=True)]
 RecordFiles = Annotated[Any, ParameterType("RECORD", listed=True)]  # files, folders and patterns of any format
 MeasuredTable = Annotated[Any, ParameterType("TABLE")]  # a file, a specimen that ships with one, or what was read
 LoopFile = Annotated[Any, ParameterType("TABLE")]

@@ -6,7 +6,7 @@ import pytest
 import mckibben as mk
 from mckibben.citations import known_keys
 from mckibben.errors import InputError
-from mckibben.muscles.build import from_specimen
+from mckibben.muscles.muscle import from_specimen
 from mckibben.specimens import specimen
 
 WIDTH = 5e-3  # of the stimuli in the shipped protocols [s]

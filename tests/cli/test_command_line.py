@@ -284,17 +284,15 @@ def test_ctrl_c_in_a_characterisation_names_the_stages_that_are_kept(done, kept,
     from mckibben.errors import StageError
     from mckibben.studies import characterisation
 
-    def interrupted(*_, out, stop, **options):
+    def interrupted(machine, stage, protocol, progress, stop):
         for stage in done:
-            place = characterisation.verb.place_of(out, stage)
-            place.parent.mkdir(exist_ok=True)
-            place.touch()
+            characterisation.verb.place_of(Path("muscle"), stage).touch()
         os.kill(os.getpid(), signal.SIGINT)
         assert stop()
         raise StageError("ramp", "stopped")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(characterisation.verb, "characterise", interrupted)
+    monkeypatch.setattr(characterisation.verb._Machine, "run", interrupted)
     with pytest.raises(SystemExit) as stop:
         main(["characterise", "--muscle", "nylon", "--out", "muscle"])
     assert stop.value.code == 130

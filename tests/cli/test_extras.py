@@ -10,10 +10,11 @@ import pytest
 
 import mckibben
 from mckibben import registry
-from mckibben.cli import main, record, run, serve, verb_commands  # noqa: F401  bound before anything is replaced
+from mckibben.cli import main, record, serve, verb_commands  # noqa: F401  bound before anything is replaced
 from mckibben.cli.app import COMMANDS
 from mckibben.errors import InputError, MissingLibraryError
 from mckibben.extras import library
+from mckibben.studies import rig_run  # noqa: F401
 
 SWEEP = str(Path(__file__).parents[2] / "examples" / "sweeps" / "tube-and-threshold.toml")
 BENCH = ("run", "work-loop", "--muscle", "nylon", "--on")
@@ -26,15 +27,15 @@ def too_early(*args, **options):
 @pytest.mark.parametrize(
     ("missing", "extra", "words", "work"),
     [
-        ("serial", "serial", (*BENCH, "serial:/dev/ttyACM0"), "mckibben.cli.run.prepared"),
-        ("nidaqmx", "daq", (*BENCH, "daq"), "mckibben.cli.run.prepared"),
+        ("serial", "serial", (*BENCH, "serial:/dev/ttyACM0"), "mckibben.studies.rig_run.prepare"),
+        ("nidaqmx", "daq", (*BENCH, "daq"), "mckibben.studies.rig_run.prepare"),
         ("typst", "report", ("compare", "nylon", "--out", "a.pdf"), "mckibben.studies.comparison.side_by_side.subject"),
         ("typst", "report", ("fit", "DMSP-20-300", "--out", "a.pdf"), "mckibben.studies.fitting.fit_laws"),
         # a.nc is not there, which is what reading it would say first
         ("polars", "formats", ("record", "convert", "a.nc", "a.parquet"), "mckibben.recordings.read_recording"),
         ("zarr", "sweep", ("sweep", SWEEP, "--out", "a", "--scheduler", "serial"), "mckibben.batch.sweep.Sweep.check"),
         ("distributed", "sweep", ("sweep", SWEEP, "--out", "a"), "mckibben.batch.sweep.Sweep.check"),
-        ("starlette", "web", ("serve", "--no-open"), "mckibben.cli.serve.chosen_rig"),
+        ("starlette", "web", ("serve", "--no-open"), "mckibben.bench.rig_file.rig"),
     ],
 )  # fmt: skip
 def test_a_missing_library_is_said_before_any_work(missing, extra, words, work, tmp_path, monkeypatch, capsys):

@@ -242,7 +242,7 @@ def test_a_run_without_room_for_its_recording_writes_a_copy_where_there_is_some(
             raise InputError("file", str(path), "it cannot be written (No space left on device)")
         write(recording, path)
 
-    monkeypatch.setattr("mckibben.cli.run.write_recording", cannot)
+    monkeypatch.setattr("mckibben.cli.verb_commands.write_recording", cannot)
     words = ["run", str(tmp_path / "short.toml"), "--muscle", "nylon", "--rig", "modern", "--out", str(full / "r.nc")]
     for more, kept in (["--log", str(tmp_path / "r.mcap")], "room/r.nc"), (["--out", str(tmp_path / "s.nc")], "s.nc"):
         with pytest.raises(SystemExit) as stop:

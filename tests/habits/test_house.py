@@ -271,10 +271,8 @@ def test_what_the_table_names_is_there() -> None:
         assert name in {getattr(node, "name", "") for node in house.trees[f"mckibben.{module}"].body}, place
 
 
-def test_no_file_leads_back_to_itself_but_through_the_dimensions_of_a_braid() -> None:
-    """A law's range follows from the braid's dimensions, and these laws are built as any other: four files, to be cut."""
-    circles = read_house().circles()
-    assert [circle for circle in circles if "mckibben.muscles.sleeve" not in circle.split()] == []
+def test_no_file_leads_back_to_itself() -> None:
+    assert read_house().circles() == []
 
 
 def test_every_name_that_a_room_lists_is_there() -> None:
@@ -298,7 +296,7 @@ def _environment() -> dict[str, str]:
 
 # What the house may hold at most. Whoever adds something of worth raises these by the number that its own issue grants, and
 # says so in the commit; whoever makes the house smaller lowers them to what is left, rounded up to the next ten.
-LARGEST = {"src and packages": (141_800, 474), "src/mckibben": (110_100, None)}
+LARGEST = {"src and packages": (143_710, 477), "src/mckibben": (110_920, None)}
 
 
 @pytest.mark.parametrize("what", LARGEST)

@@ -11,7 +11,6 @@ import pytest
 import mckibben as mk
 from mckibben.batch.run_template import RunFactory, make_template
 from mckibben.cli.app import main
-from mckibben.cli.run import prepared
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.experiments.read import shipped
 from mckibben.identification.fit import evaluate, fit
@@ -141,14 +140,14 @@ def test_half_a_muscle_does_half_the_work():
 
 
 def test_runs_and_sweeps_cut_the_muscle_too():
-    one = prepared("isometric-step", "festo-10mm", "modern", ["muscle.law.rest_length=15 cm"], None)
+    one = mk.prepare("isometric-step", muscle="festo-10mm", rig="modern", changes={"muscle.law.rest_length": "15 cm"})
     template = make_template(
         shipped("isometric-step"), "festo-10mm", "modern", given={"muscle.law.rest_length": "15 cm"}
     )
     for bench in (one, RunFactory(template).bench({})):
         assert bench.plan.rest_length == 0.15 == float(bench.unit.law.upper_length)
     with pytest.raises(InputError, match="Use the law hyperelastic_braid"):
-        prepared("isometric-step", "DMSP-20-300", "modern", ["muscle.law.rest_length=15 cm"], None)
+        mk.prepare("isometric-step", muscle="DMSP-20-300", rig="modern", changes={"muscle.law.rest_length": "15 cm"})
 
 
 def test_a_rest_length_beyond_the_measured_ones_is_said_with_the_error_that_was_found_there():

@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 
-from mckibben.muscles.build import muscle
+from mckibben.muscles.muscle import muscle
 from mckibben.muscles.worn_braid import ROOM, WornBraid
 
 NYLON = muscle("nylon").law

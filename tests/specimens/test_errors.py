@@ -12,8 +12,8 @@ from mckibben.bench.prepare import prepare
 from mckibben.bench.recorder import initial_metadata
 from mckibben.cli.app import main
 from mckibben.errors import InputError, PlausibilityWarning
-from mckibben.muscles.build import law_from_specimen
-from mckibben.muscles.evidence import error_of, measured_rest_lengths
+from mckibben.muscles.build import law_from_specimen, measured_rest_lengths
+from mckibben.muscles.evidence import error_of
 from mckibben.recordings import read_force_map
 from mckibben.specimens import specimen, specimens
 from mckibben.studies.sizing.braid_law import error_of_specimen

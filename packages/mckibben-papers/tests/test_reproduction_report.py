@@ -161,7 +161,7 @@ def test_figures_are_chosen_by_name_part_and_row():
     assert ids(["3"]) == ["3a", "3b"] and ids(["12c", "3a"]) == ["12c", "3a"]
     assert ids(part="IV") == ["12c"] and ids(rows=["b."]) == ["12c"]
     assert "3b" not in ids(recordings=False)
-    for words, more, says in ((["9"], {}, "Known are 3a"), (["3b"], {"recordings": False}, "no-recordings"),
+    for words, more, says in ((["9"], {}, "Known are 3a"), (["3b"], {"recordings": False}, "recordings=False} leaves out"),
                               (["3a"], {"part": "IV"}, "not in part IV")):  # fmt: skip
         with pytest.raises(InputError, match=says):
             ids(words, **more)

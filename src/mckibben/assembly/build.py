@@ -14,16 +14,17 @@ from ..components.flow import FlowElement
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles import Muscle
-from ..muscles.build import at_rest_length, built_muscle
+from ..muscles.build import at_rest_length
 from ..muscles.dimensions import REST_LENGTH
 from ..muscles.elements import Tendon
 from ..muscles.law import THREAD_STRAIN, law_name
+from ..muscles.muscle import built_muscle
 from ..muscles.plausible import LARGEST_STRAIN, largest_strain
 from ..pneumatics.circuit import Branch, Circuit
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.tubes import LumpedTube
 from ..pneumatics.volume import Chamber, FixedVolume, HeatModel, MovingVolume, Reservoir, WallHeat
-from ..quantities import Quantity, with_unit
+from ..quantities import Quantity, parse, with_unit
 from ..specimens import Specimen, muscle_specimen
 from .loads import JointLoad, Load, MomentArm
 from .machine import Machine
@@ -124,18 +125,28 @@ def unit_parameter(unit: MuscleUnit, path: str) -> Quantity:
 
 
 def with_parameters(
-    spec: Specimen, unit: MuscleUnit, values: Mapping[str, float], *, law: str | None = None
-) -> tuple[Specimen, MuscleUnit]:
+    spec: Specimen | None, unit: MuscleUnit, values: Mapping[str, float | str], *, law: str | None = None
+) -> tuple[Specimen | None, MuscleUnit]:
     """Replace parameters of a muscle by their paths; another rest length cuts it, see `muscles.build.at_rest_length`.
 
     Args:
-        spec: of which the muscle was built.
+        spec: of which the muscle was built, if it was.
         unit: the muscle.
-        values: by path [SI], such as ``law.rest_length``.
+        values: by path, such as ``law.rest_length``: numbers [SI] or text with a unit.
         law: with which it was built; its default law if left out.
+
+    Raises:
+        InputError: a path is unknown, or a value out of bounds, as ``muscle.PATH``.
     """
-    others = dict(values)
+    others = {}
+    for path, value in values.items():
+        declared = unit_parameter(unit, path)
+        number = parse(value, declared.unit, field=f"muscle.{path}") if isinstance(value, str) else value
+        declared.check(f"muscle.{path}", number)
+        others[path] = number
     if "law.rest_length" in others:
+        if spec is None:
+            raise InputError("muscle.law.rest_length", None, "is allowed only of a specimen, which is cut to it")
         name = law or spec.law
         spec, _ = at_rest_length(spec, name, {"rest_length": others.pop("law.rest_length")})
         unit = unit_from_specimen(spec, law=name, tendon=unit.tendon)

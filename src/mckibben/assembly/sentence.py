@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..components import paths
 from ..experiments.waveforms import time_words
 from ..quantities import with_unit
@@ -70,7 +68,8 @@ def _element(plan: CircuitPlan, name: str, told: set[str]) -> str:
     for key, value in stated.items():
         if key in ("kind", "specimen", "command", "from", "to", *element.ports):
             continue
-        words.append(f"{key.replace('_', ' ')} {_plain(value)}")
+        values = value if isinstance(value, list) else [value]
+        words.append(f"{key.replace('_', ' ')} {' '.join(map(str, values))}")
     for path, number in plan.overrides.items():
         if path.startswith(f"elements.{name}."):
             key = path.removeprefix(f"elements.{name}.")
@@ -82,9 +81,3 @@ def _element(plan: CircuitPlan, name: str, told: set[str]) -> str:
     if command is not None:
         words.append(f"driven by {command}")
     return f"{name} ({', '.join(words)})"
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, list):
-        return " ".join(str(v) for v in value)
-    return str(value)

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from ..assembly.build import rig_unit, unit_parameter, with_parameters
+from ..assembly.build import rig_unit, unit_parameter
 from ..assembly.muscle_unit import MuscleUnit
 from ..bench.prepare import PreparedRun, prepare
 from ..bench.rig import Rig
@@ -268,17 +268,11 @@ class RunFactory:
         of_rig = {k: v for k, v in settings.items() if k.startswith("rig.")}
         of_muscle = {k: v for k, v in settings.items() if k.startswith("muscle.")}
         of_steps = {k: v for k, v in settings.items() if k not in of_rig and k not in of_muscle}
-        unit, numbers = self._unit(muscle), {}
-        for key, words in of_muscle.items():
-            path = key.removeprefix("muscle.")
-            parameter = unit_parameter(unit, path)
-            numbers[path] = parse(words, parameter.unit, field=key)
-            parameter.check(key, numbers[path])
-        spec, unit = with_parameters(self._specimen(muscle), unit, numbers)
         return prepare(
             self._protocol(_key(of_steps)),
-            muscle=spec,
-            unit=unit,
+            muscle=self._specimen(muscle),
+            unit=self._unit(muscle),
+            changes=of_muscle,
             rig=self._rig((rig, *_key(of_rig))),
             plumbing=plumbing,
             step=template.step,

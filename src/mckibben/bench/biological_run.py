@@ -26,7 +26,7 @@ import numpy as np
 from .. import citations
 from .._jax import Tree, jax, jnp
 from ..components import Scalar
-from ..components.paths import resolved
+from ..components.paths import declaration, put, resolved
 from ..components.system import Moment, System, Value
 from ..documents import JsonValue
 from ..engine import held, integrate, ramped
@@ -37,11 +37,12 @@ from ..experiments.commands import Deferred
 from ..experiments.protocol import PlannedStep, Protocol
 from ..muscles import Muscle
 from ..muscles.biological import BiologicalMuscle
-from ..muscles.build import from_specimen
-from ..quantities import quantity
+from ..muscles.muscle import from_specimen
+from ..quantities import parse, quantity
 from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
 from ..specimens import Specimen, muscle_specimen
+from .prepare import changes_by_owner
 
 SETTLE = 1e-3  # [s]
 STEP = 1e-4  # largest step of the integration [s]
@@ -109,6 +110,24 @@ def run_biological(
         **({} if stimulated else {"full_pressure": full_pressure}),
     }
     return Recording(record.time, dict(record.channels), {**record.meta, **more})
+
+
+def changed_biological(
+    protocol: Protocol | str | os.PathLike[str], subject: BiologicalSubject, changes: Mapping[str, float | str]
+) -> tuple[Protocol, BiologicalSubject]:
+    """A protocol and a biological muscle with changes by path, as `bench.prepare.prepare` has them of a test machine."""
+    of_rig, of_muscle, of_protocol = changes_by_owner(changes)
+    for path, value in of_rig.items():
+        problem = "is of a test machine; a biological muscle runs without one"
+        raise InputError(f"changes.rig.{path}", value, problem)
+    values = {}
+    for path, value in of_muscle.items():
+        declared, field = declaration(subject.muscle, path.removeprefix("law.")), f"changes.muscle.{path}"
+        number = parse(value, declared.unit, field=field) if isinstance(value, str) else value
+        declared.check(field, number)
+        values[path.removeprefix("law.")] = number
+    wanted = read.changed_protocol(protocol, of_protocol)
+    return wanted, subject._replace(muscle=put(subject.muscle, values))
 
 
 def check_protocol(muscle: BiologicalMuscle, protocol: Protocol) -> None:

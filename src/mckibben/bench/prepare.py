@@ -5,14 +5,15 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import os
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from ..answers import Caution, brief, collect
-from ..assembly.build import rig_unit
+from ..assembly.build import rig_unit, with_parameters
 from ..assembly.muscle_unit import MuscleUnit
 from ..documents import JsonValue
 from ..engine import STEP
@@ -32,6 +33,7 @@ from .rig import Rig
 from .rig_file import rig as rig_of
 from .rig_file import with_control
 
+T = TypeVar("T")
 ON_THE_CELL = "the load cell reads"  # how a finding about the cell's range begins
 
 
@@ -172,12 +174,24 @@ def _segments(rig: Rig, plan: ProtocolPlan, layout: str, motor_held: bool = Fals
     yield RunSegment(tuple(steps), layout, friction, asked, motor_held)
 
 
+def changes_by_owner(changes: Mapping[str, T]) -> tuple[dict[str, T], dict[str, T], dict[str, T]]:
+    """Changes of a run by path, as those of the rig and of the muscle by their own paths, and those of the protocol."""
+    owned: dict[str, dict[str, T]] = {"rig": {}, "muscle": {}, "": {}}
+    for path, value in changes.items():
+        owner, _, own = path.partition(".")
+        owned[owner if own and owner in owned else ""][own if own and owner in owned else path] = value
+    return owned["rig"], owned["muscle"], owned[""]
+
+
 def prepare(
     protocol: Protocol | str | os.PathLike[str],
     *,
     muscle: str | Specimen | Muscle | MuscleUnit,
     unit: MuscleUnit | None = None,
+    law: str | None = None,
     rig: Rig | str | os.PathLike[str] = "paper",
+    changes: Mapping[str, float | str] | None = None,
+    calibration: str | os.PathLike[str] | None = None,
     plumbing: str | None = None,
     step: float = STEP,
     seed: int = 0,
@@ -193,7 +207,11 @@ def prepare(
         muscle: a specimen, its id or file, or a muscle.
         unit: what was built from the specimen, where something of it was changed; by default `assembly.build.rig_unit`,
             which has the cord of the test machine between muscle and load.
+        law: one of the laws that a specimen states; its default law by default.
         rig: a rig, its name or file.
+        changes: numbers [SI] or words by path: of the protocol, as ``pressure``, of a rig that is named, as
+            ``rig.plumbing.direct.tube.length``, and of the muscle, as ``muscle.law.passive_stiffness``.
+        calibration: file of the calibration of the measured channels of a rig that is named.
         plumbing: name of the way in which the pneumatic parts are joined; chosen by what the protocol needs if left out.
         step: largest step of the physics [s].
         seed: seed of the sensors' noise.
@@ -211,14 +229,17 @@ def prepare(
         >>> len(prepared.findings) > 0  # more than the machine allows: `run` would refuse
         True
     """
-    wanted, seed = read.named_protocol(protocol, values), whole_number(seed, "seed")
+    of_rig, of_muscle, of_protocol = changes_by_owner(changes or {})
+    wanted = read.changed_protocol(read.named_protocol(protocol, values), of_protocol)
+    seed = whole_number(seed, "seed")
     step = float(in_si(step, "s", field="step"))
     if "stimulator" in wanted.required():
         raise InputError(
             "protocol", wanted.name, "must command pressures, since only biological muscles are stimulated"
         )
     named = wanted.name if isinstance(protocol, Protocol) else str(protocol)
-    on = with_control(rig if isinstance(rig, Rig) else rig_of(rig), wanted.control, where=named)
+    machine = rig_of(rig, of_rig, calibration) if not isinstance(rig, Rig) or of_rig or calibration is not None else rig
+    on = with_control(machine, wanted.control, where=named)
     spec = None
     if isinstance(muscle, MuscleUnit):
         unit = muscle
@@ -226,7 +247,14 @@ def prepare(
         spec, unit = muscle.specimen, unit or rig_unit(muscle)
     else:
         spec = muscle if isinstance(muscle, Specimen) else muscle_specimen(muscle)
-        unit = unit or rig_unit(spec)
+        unit = unit or rig_unit(spec, law=law)
+    if of_muscle:
+        # another rest length cuts the muscle, which changes what its specimen states, too
+        try:
+            spec, unit = with_parameters(spec, unit, of_muscle, law=law)
+        except InputError as error:
+            # called as it was given; the path of a law that it spoils is not
+            raise error.changed(field=re.sub(r"^muscle\.", "changes.muscle.", error.field)) from None
     layout = on.layout(wanted, plumbing)
     rest = rest_length_of(spec, unit.law)
     plan = _plan(wanted, rest)

@@ -21,6 +21,7 @@ states. A specimen may be a file, and is looked for beside this one.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 import math
@@ -36,6 +37,7 @@ from ..errors import InputError
 from ..pneumatics.build import ELEMENTS, build_element, put_value
 from ..pneumatics.volume import HeatModel, Isothermal, WallHeat
 from ..quantities import Quantity, declared, named_values, parse
+from ..recordings.calibration_file import read_calibration
 from ..registry import load_reference, with_own_references
 from ..schema import FileTable, read_table
 from ..specimens import specimen
@@ -72,13 +74,18 @@ def rig_names() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
-def rig(name: str | os.PathLike[str], changes: Mapping[str, str | float] | None = None) -> Rig:
+def rig(
+    name: str | os.PathLike[str] | Rig,
+    changes: Mapping[str, str | float] | None = None,
+    calibration: str | os.PathLike[str] | None = None,
+) -> Rig:
     """Load a rig by its name or by the path of a ``.toml`` file.
 
     Args:
-        name: ``paper``, ``modern``, or a path.
+        name: ``paper``, ``modern``, a path, or a rig that is to be changed.
         changes: by dotted path of the file, words such as ``{"plumbing.direct.tube.length": "1 m"}``, or numbers of what has
             no unit.
+        calibration: file of the calibration of its measured channels.
 
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed.
@@ -90,8 +97,10 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str | float] | None 
         >>> float(mk.rig("paper", {"plumbing.direct.tube.length": "1 m"}).plumbing["direct"].tube.length)
         1.0
     """
-    text = path_text(name, "rig")
-    if text.lower().endswith(".toml") or os.sep in text:
+    text = "" if isinstance(name, Rig) else path_text(name, "rig")
+    if isinstance(name, Rig):
+        document, where = copy.deepcopy(dict(name.document)), name.where or name.name
+    elif text.lower().endswith(".toml") or os.sep in text:
         document, where = with_own_references(with_own_paths(read_toml(text, field="rig"), text), text), text
     else:
         if text not in rig_names():
@@ -103,7 +112,10 @@ def rig(name: str | os.PathLike[str], changes: Mapping[str, str | float] | None 
         document = _derived(document, where)
     for path_, value in named_values(changes or {}, "changes").items():
         put_rig_value(document, path_, value, where)
-    return read_rig(document, where=where)
+    made = read_rig(document, where=where)
+    if calibration is not None:
+        return made.calibrated(read_calibration(calibration))
+    return made.calibrated(name.calibration) if isinstance(name, Rig) else made
 
 
 def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]:

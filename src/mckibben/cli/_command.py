@@ -46,7 +46,6 @@ CONDITIONS: dict[str, tuple[tuple[str, bool, str], ...]] = {
     "circuit fit": (("--draws", WITH, "--posterior"),),
     "run": (("--draws", WITH, "--from-posterior"),),
     "reproduce": (("--format", WITH, "--figure"),),
-    "benchmark": tuple((option, WITHOUT, "--list") for option in ("--earlier", "--model", "--data", "--all")),
     "device check": _SIMULATED,
     **{f"calibrate {name}": _SIMULATED for name in ("zero", "weights", "pressure", "encoder", "skew")},
 }

@@ -47,21 +47,17 @@ class OutputKinds:
     """What a command can write.
 
     Args:
+        folder: what is written into a folder, if a path without a suffix is taken, which is of the kind ``folder`` then.
         kinds: suffixes by what is written, such as ``figure=(".svg", ".png")``; the first that has a suffix takes it.
     """
 
-    def __init__(self, **kinds: Sequence[str]) -> None:
-        self.kinds = kinds
+    def __init__(self, folder: str = "", /, **kinds: Sequence[str]) -> None:
+        self.folder, self.kinds = folder, kinds
 
-    def option(self, *, folder: str = "", note: str = "") -> Any:
-        """The option ``--out`` in the signature of a command.
-
-        Args:
-            folder: what is written into a folder, if a path without a suffix is taken.
-            note: a further sentence of the help.
-        """
+    def option(self, *, note: str = "") -> Any:
+        """The option ``--out`` in the signature of a command; `note` is a further sentence of the help."""
         listed = [f"{name.replace('_', ' ')} ({', '.join(suffixes)})" for name, suffixes in self.kinds.items()]
-        listed += [f"{folder} (folder)"] if folder else []
+        listed += [f"{self.folder} (folder)"] if self.folder else []
         said = f"Write the {', '.join(listed[:-1]) + ' or ' + listed[-1] if len(listed) > 1 else listed[0]}"
         stream = self.stream()
         said += f"; - prints {stream}." if stream else "."
@@ -79,14 +75,11 @@ class OutputKinds:
         return list(dict.fromkeys(s for suffixes in self.kinds.values() for s in suffixes))
 
     @contextlib.contextmanager
-    def files(
-        self, paths: Sequence[Path] | None, *, folder: bool = False, field: str = "--out"
-    ) -> Iterator[OutputFiles]:
+    def files(self, paths: Sequence[Path] | None, *, field: str = "--out") -> Iterator[OutputFiles]:
         """Check the paths before anything is computed, and say what was written at the end.
 
         Args:
             paths: as they were given.
-            folder: whether a path without a suffix is taken, for a folder.
             field: name of the option in error messages.
 
         Raises:
@@ -102,7 +95,7 @@ class OutputKinds:
                     place = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mckibben-")))
                     path = streamed = place / f"stdout{self.stream()}"
                     stack.enter_context(_terminal.silence())
-                elif folder and not path.suffix:
+                elif self.folder and not path.suffix:
                     files["folder"].append(path)
                     continue
                 kind, path = self.placed(path, field)
@@ -183,14 +176,6 @@ class OutputFiles(Mapping[str, list[Path]]):
             more = f"; kept: {', '.join(kept)}" if kept else ""
             raise errors[0].changed(problem=f"{errors[0].problem}{more}")
 
-    def write_rows(self, rows: Sequence[Mapping[str, JsonValue]], units: Mapping[str, str] | None = None) -> None:
-        """Write every table, from rows that have the same keys, with the SI units of the columns."""
-        if self["table"]:
-            from ..recordings.tables import write_table
-
-            columns = {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
-            self.write("table", lambda path: write_table(columns, path, units=units))
-
     def write_columns(self, columns: Mapping[str, Iterable[object]], units: Mapping[str, str]) -> None:
         """Write every table, from columns of equal length with their SI units."""
         if self["table"]:
@@ -205,10 +190,11 @@ class OutputFiles(Mapping[str, list[Path]]):
 
             self.write("result", lambda path: write_text(path, _terminal.json_text(value) + "\n"))
 
-    def say(self) -> None:
-        """Print which files were written."""
+    def say(self, kind: str | None = None) -> None:
+        """Print which files were written, all or those of one kind."""
         for path in self.named():
-            typer.echo(f"Written: {path}")
+            if path in self[kind] if kind else path not in self["folder"]:  # of which each file is said
+                typer.echo(f"Written: {path}")
 
 
 def write_recording(recording: Recording, path: Path) -> None:

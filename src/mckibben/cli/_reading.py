@@ -1,7 +1,8 @@
-"""Options of commands that read the file of another program: how it is understood, in the words of `describe_file`."""
+"""Options in the words of a verb, for commands that are none: how a foreign file is understood, and a test machine."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -11,21 +12,37 @@ from ..documents import JsonValue
 from ..quantities import parse
 from ._terminal import pairs
 
-
-def _option(parameter: str) -> Any:
-    one = verbs.described("analysis.description:describe_file").parameters[parameter]
-    return typer.Option(metavar=one.type.word, help=one.about)
+FILE, RUN = verbs.FILE, "studies.rig_run:record_run"
 
 
-Column = Annotated[list[str] | None, _option("columns")]
-Unit = Annotated[list[str] | None, _option("units")]
-Scale = Annotated[list[str] | None, _option("scales")]
-Period = Annotated[str | None, _option("period")]
-Decimal = Annotated[str | None, _option("decimal")]
-Header = Annotated[str | None, _option("header")]
-Sheet = Annotated[str | None, _option("sheet")]
-Topic = Annotated[str | None, _option("topic")]
-GearRatio = Annotated[str | None, _option("gear_ratio")]
+def _option(place: str, parameter: str, *names: str) -> Any:
+    one = verbs.described(place).parameters[parameter]
+    return typer.Option(*names, metavar=one.type.word or None, min=one.type.least, help=one.about)
+
+
+Column = Annotated[list[str] | None, _option(FILE, "columns")]
+Unit = Annotated[list[str] | None, _option(FILE, "units")]
+Scale = Annotated[list[str] | None, _option(FILE, "scales")]
+Period = Annotated[str | None, _option(FILE, "period")]
+Decimal = Annotated[str | None, _option(FILE, "decimal")]
+Header = Annotated[str | None, _option(FILE, "header")]
+Sheet = Annotated[str | None, _option(FILE, "sheet")]
+Topic = Annotated[str | None, _option(FILE, "topic")]
+GearRatio = Annotated[str | None, _option(FILE, "gear_ratio")]
+Start = Annotated[str | None, _option("analysis.energy_accounts:energy_account", "start", "--from")]
+End = Annotated[str | None, _option("analysis.energy_accounts:energy_account", "end", "--to")]
+ProtocolName = Annotated[
+    str, typer.Argument(metavar="PROTOCOL", help=verbs.described(RUN).parameters["protocol"].about)
+]
+Muscle = Annotated[str, _option(RUN, "muscle", "--muscle")]
+RigName = Annotated[str, _option(RUN, "rig", "--rig")]
+Plumbing = Annotated[str | None, _option(RUN, "plumbing")]
+NoiseSeed = Annotated[int, _option(RUN, "seed")]
+Change = Annotated[list[str] | None, _option(RUN, "changes", "--set")]
+On = Annotated[str | None, _option(RUN, "machine", "--on")]
+LockStep = Annotated[bool, _option(RUN, "lock_step", "--lock-step")]
+CalibrationFile = Annotated[Path | None, _option(RUN, "calibration", "--calibration")]
+Contraction = Annotated[str | None, _option("studies.tension:tension", "contraction")]
 
 
 def format_options(**options: str | None) -> dict[str, JsonValue]:

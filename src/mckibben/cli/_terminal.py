@@ -7,8 +7,9 @@ import math
 import os
 import re
 import sys
+import textwrap
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -24,56 +25,13 @@ if TYPE_CHECKING:
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object, in SI units, and nothing else.")]
-FromPosterior = Annotated[
-    Path | None,
-    typer.Option(
-        "--from-posterior",
-        metavar="FIT",
-        help="Result of `mckibben fit --posterior --out fit.json`, for 95 % bands of the answer.",
-    ),
-]
-Law = Annotated[
-    str | None,
-    typer.Option("--law", metavar="LAW", help="Law to use instead of the specimen's default, or my.py:MyLaw."),
-]
 Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="PATH=VALUE", help="Replace a parameter, such as law.turns=3.2 or thread_length='16 cm'."
     ),
 ]
-Muscle = Annotated[
-    str, typer.Option("--muscle", metavar="SPECIMEN", help="Id of a specimen, or the .toml file of one.")
-]
-RigName = Annotated[
-    str, typer.Option("--rig", metavar="RIG", help="Rig of the test machine: paper, modern, or a .toml file.")
-]
-Plumbing = Annotated[
-    str | None,
-    typer.Option(metavar="PLUMBING", help="Plumbing that joins the rig's pneumatic parts; the rig's first by default."),
-]
-NoiseSeed = Annotated[
-    int, typer.Option(metavar="N", min=0, help="Random seed for sensor noise; equal seeds give equal recordings.")
-]
-Contraction = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CONTRACTION",
-        help="Contraction from the rest length instead of a length, such as '20 %'; negative if stretched.",
-    ),
-]
-Start = Annotated[
-    str | None, typer.Option("--from", metavar="TIME", help="Time from which on samples are used, such as '2 s'.")
-]
-End = Annotated[
-    str | None, typer.Option("--to", metavar="TIME", help="Time up to which samples are used, such as '5 s'.")
-]
-LockStep = Annotated[
-    bool,
-    typer.Option(
-        "--lock-step", help="Let a simulated device wait for every command instead of following its own clock."
-    ),
-]
+CHANGE = "pressure='5 bar', rig.plumbing.direct.tube.length='1 m' or muscle.law.passive_stiffness='3 N/cm'"
 
 
 def _use_style(context: typer.Context, name: str) -> str:
@@ -367,19 +325,48 @@ def program(colour: int) -> str:
     return f"\x1b[{colour}mmckibben\x1b[0m" if coloured else "mckibben"
 
 
-def table(title: str, columns: list[str], rows: Iterable[list[str]], *, right: Iterable[int] = ()) -> None:
-    """Print a table; `right` are the columns of numbers."""
+WIDTH = 160  # of redirected output, which has none of its own: a table must not be cut there
+WIDTH_OF_SENTENCES = 120  # below rows, there
+
+
+def table(
+    title: str,
+    columns: list[str],
+    rows: Iterable[list[str]],
+    *,
+    right: Iterable[int] = (),
+    below: Sequence[str] | None = None,
+) -> None:
+    """Print a table; `right` are the columns of numbers, `below` what is said below each row."""
     from rich.console import Console
     from rich.table import Table
 
-    # Redirected output has no width of its own: a table must not be cut there.
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
     if title:
         console.print(title, style="bold", soft_wrap=True)
-    out = Table(box=None, pad_edge=False, header_style="dim", show_header=any(columns))
     aligned = set(right)
+    if below is not None:  # no table of rich has lines across its columns
+        lines = [columns, *rows]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        wide = max((console.width if sys.stdout.isatty() else WIDTH_OF_SENTENCES) - 4, 40)
+        for line, sentence in zip(lines, ("", *below), strict=True):
+            cells = (
+                c.rjust(w) if i in aligned else c.ljust(w) for i, (c, w) in enumerate(zip(line, widths, strict=True))
+            )
+            typer.echo("  ".join(cells).rstrip())
+            for part in textwrap.wrap(sentence, wide):
+                typer.echo(f"    {part}")
+        return
+    out = Table(box=None, pad_edge=False, header_style="dim", show_header=any(columns))
     for i, column in enumerate(columns):
         out.add_column(column, justify="right" if i in aligned else "left", no_wrap=i in aligned)
     for row in rows:
         out.add_row(*row)
     console.print(out)
+
+
+def ask_person(task: str) -> None:
+    """Wait until the operator has done something."""
+    if not sys.stdin.isatty():
+        raise InputError("person", None, f"is needed at the keyboard: the protocol asks the operator to {task}")
+    typer.prompt(f"Please {task}, then press Enter", default="", show_default=False, err=True)

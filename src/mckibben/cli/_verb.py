@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,6 +30,7 @@ from ._terminal import (
     pairs,
     print_json,
     program,
+    silence,
     table,
     writable,
 )
@@ -83,9 +85,12 @@ class VerbCommand:
         around: opens what the verb needs while it runs, such as a bar of progress, by what was given; yields values of
             further parameters.
         pairs: examples of values that are NAME=VALUE, or PATH=VALUE of what is no muscle, by parameter.
-        failed: exit code where what was asked for was not reached.
+        failed: exit code where what was asked for was not reached, or tells it by the answer.
+        flags: words of help of flags that the command line alone has, by name; `around` is told them.
+        keep: writes what cannot be made again before all else, and tells whether there is anything to write; the answer is
+            then printed before it is drawn.
         check: refuses files that what was typed cannot have, before anything is computed.
-        from_files: values of parameters that follow from the names of files, such as the id of a specimen.
+        from_files: values of parameters that follow from what was typed and the names of files, such as a specimen's id.
         note: sentence behind the words of ``--out``.
     """
 
@@ -102,9 +107,11 @@ class VerbCommand:
     doing: tuple[str, Callable[[Mapping[str, Any]], int | None]] | None = None
     around: Callable[[Mapping[str, Any]], AbstractContextManager[Mapping[str, Any]]] | None = None
     pairs: Mapping[str, str] = field(default_factory=dict)
-    failed: int = 1
+    failed: int | Callable[[Any], int] = 1
+    flags: Mapping[str, str] = field(default_factory=dict)
+    keep: Callable[[Any, OutputFiles], bool] | None = None
     check: Callable[[Mapping[str, Any], OutputFiles], None] | None = None
-    from_files: Callable[[OutputFiles], Mapping[str, Any]] | None = None
+    from_files: Callable[[Mapping[str, Any], OutputFiles], Mapping[str, Any]] | None = None
     note: str = ""
 
     def option(self, parameter: str) -> str:
@@ -125,6 +132,9 @@ class VerbCommand:
         for name, one in self.shorthands.items():
             flag = Annotated[bool, typer.Option(f"--{name.replace('_', '-')}", help=one.about)]
             parameters.insert([p.name for p in parameters].index(one.parameter), _keyword(name, flag, False))
+        for name, about in self.flags.items():
+            option = typer.Option(f"--{name.replace('_', '-')}", help=about)
+            parameters.append(_keyword(name, Annotated[bool, option], False))
         if self.draw is not None:
             parameters += [_keyword("width", FigureWidth, None), _keyword("look", FigureLook, "screen")]
         for name, written in self.written.items():
@@ -166,7 +176,8 @@ class VerbCommand:
         option = typer.Option(self.option(p.name), metavar=word, help=p.about, min=p.type.least)
         if p.required or p.name in self.required:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
-        return _keyword(p.name, Annotated[taken if p.default is not None else taken | None, option], p.default)
+        default = None if p.default == () else p.default
+        return _keyword(p.name, Annotated[taken if default is not None else taken | None, option], default)
 
     def run(self, values: dict[str, Any]) -> None:
         """Ask the verb, write and print its answer; `values` are those of the parser, by parameter."""
@@ -179,9 +190,13 @@ class VerbCommand:
         with self.outputs.files(paths) as files:
             if self.check is not None:
                 self.check(values, files)
-            answer = self._answer(verb, values, {} if self.from_files is None else self.from_files(files))
+            with silence() if as_json else contextlib.nullcontext():  # whatever is told meanwhile
+                more_values = {} if self.from_files is None else self.from_files(values, files)
+                answer = self._answer(verb, values, more_values, as_json)
             expect_cautions(())  # the answer has those about typed values
-            writes = self.writes if self.draw is None else {"figure": self.draw, **self.writes}
+            draws = {} if self.draw is None else {"figure": self.draw}
+            writes = self.writes if self.keep is not None else {**draws, **self.writes}
+            written = self.keep is None or self.keep(answer, files)
             more: list[str] = []  # files that go with those that were named
             about: list[str] = []  # what is said of files
             for kind, write in writes.items():
@@ -194,7 +209,7 @@ class VerbCommand:
             content = answer.to_dict()
             content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
             if "recording" in self.outputs.kinds:
-                recorded = files.first("recording")
+                recorded = files.first("recording") if written else None
                 content["file"] = None if recorded is None else str(recorded)
             if more:
                 content["files"] = more
@@ -208,18 +223,23 @@ class VerbCommand:
                 print_json(content)
             else:
                 show(answer, self._called)
-                files.say()
+            for kind, draw in draws.items() if self.keep is not None and written else ():
+                files.write(kind, functools.partial(draw, answer))
+            if not as_json:
+                files.say(None if written else "result")
                 named_paths = [str(path) for path in files.named()]
                 for path in (*filter(None, beside.values()), *(one for one in more if one not in named_paths)):
                     typer.echo(f"Written: {path}")
                 for sentence in content.get("about_files", ()):
                     typer.echo(sentence)
-        if failure:
-            typer.echo(f"{program(31)}: {failure}", err=True)
+        for line in (failure or "").splitlines():
+            typer.echo(f"{program(31)}: {line}", err=True)
         if failure is not None:
-            raise typer.Exit(self.failed)
+            raise typer.Exit(self.failed(answer) if callable(self.failed) else self.failed)
 
-    def _answer(self, verb: verbs.Description, values: dict[str, Any], more: Mapping[str, Any]) -> Answer:
+    def _answer(
+        self, verb: verbs.Description, values: dict[str, Any], more: Mapping[str, Any], as_json: bool
+    ) -> Answer:
         for name, one in self.shorthands.items():
             if values[name]:
                 if values[one.parameter] is not None:
@@ -236,7 +256,7 @@ class VerbCommand:
         ask = functools.partial(verbs.answer, verbs.load(self.place), shown=self._called)
         with options_named(**{name: f"{self.option(name)} {value}" for name, value in REMEDIES.items()}):
             if self.around is not None:
-                with self.around(given) as opened:
+                with self.around(given | {name: values[name] for name in self.flags} | {"as_json": as_json}) as opened:
                     return ask(given | dict(opened))
             if self.doing is None:
                 return ask(given)
@@ -268,11 +288,19 @@ class Alternative(NamedTuple):
         command: of the verb.
         typed: what is typed for it, such as ``--friction``.
         asked: whether that was typed, by the values of all options.
+        flag: words of help, where what is typed is a flag that no verb has.
     """
 
     command: VerbCommand
     typed: str
     asked: Callable[[Mapping[str, Any]], bool]
+    flag: str = ""
+
+    def flag_option(self) -> dict[str, inspect.Parameter]:
+        """The flag by its parameter, if it has one."""
+        name = self.typed.removeprefix("--").replace("-", "_")
+        option = Annotated[bool, typer.Option(self.typed, help=self.flag)]
+        return {name: _keyword(name, option, False)} if self.flag else {}
 
 
 @dataclass(frozen=True)
@@ -291,7 +319,7 @@ class VerbsCommand:
         """The function of which typer makes the parser."""
         run = self.first.function()
         own = inspect.signature(run).parameters
-        options = {a.typed: _options(a.command) for a in self.others}
+        options = {a.typed: _options(a.command) | a.flag_option() for a in self.others}
         added = {name: _optional(p) for of in options.values() for name, p in of.items() if name not in own}
         end = next(i for i, name in enumerate(own) if name in ("width", "out"))
         parameters = [*own.values()]
@@ -326,9 +354,6 @@ class VerbsCommand:
             if kind and kind not in chosen.command.outputs.kinds:
                 raise InputError("--out", None, f"is allowed only without {chosen.typed} for the {kind} {path}")
         given = [one for name in arguments for one in values[name]]
-        takes = next(name for name, p in known.items() if not p.keyword)
-        if len(given) > 1:
-            raise InputError("file", ", ".join(given), f"must be one {takes}, alone")
         found = {name: values[name] for name in (*_options(chosen.command), "out", "as_json") if name in values}
         for name, p in known.items():
             if isinstance(found.get(name), list) and not p.many and "=" not in p.type.word:
@@ -336,6 +361,11 @@ class VerbsCommand:
                     problem = f"must be one {name} beside {chosen.typed}"
                     raise InputError(chosen.command.option(name), ", ".join(found[name]), problem)
                 found[name] = found[name][0]
+        if not given:
+            return found
+        takes = next(name for name, p in known.items() if not p.keyword)
+        if len(given) > 1:
+            raise InputError("file", ", ".join(given), f"must be one {takes}, alone")
         return found | {takes: given[0]}
 
 
@@ -401,7 +431,8 @@ def show_tables(tables: Sequence[Table], called: Callable[[str], str] = str) -> 
     for i, one in enumerate(tables):
         typer.echo("\n" if i else "", nl=False)
         cells = [[_plain(cell) for cell in row] for row in one.cells()]
-        table(_plain(one.title), one.heads, cells[: one.most], right=one.right)
+        said = [str(row[one.below]) for row in one.rows] if one.below else None
+        table(_plain(one.title), one.heads, cells[: one.most], right=one.right, below=said)
         if len(cells) > len(cells[: one.most]):
             typer.echo(f"... and {len(cells) - len(cells[: one.most])} more; --json lists all.")
         for note in one.notes:

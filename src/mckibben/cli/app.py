@@ -62,7 +62,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Check a tension law or friction of your own: energy, push, potential, derivatives, units, kernel.",
     ),
     "protocols": ("verb_commands:protocols", "List the protocols, or describe one of them with all its numbers."),
-    "run": ("run:run_protocol", "Run a protocol on a test machine; nothing moves until the dry run passes."),
+    "run": ("verb_commands:run", "Run a protocol on a test machine; nothing moves until the dry run passes."),
     "joint": (
         "verb_commands:joint",
         "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
@@ -79,7 +79,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "device serve": ("hardware", "Serve a simulated test machine on a virtual serial port."),
     "characterise": (
-        "characterise:characterise",
+        "verb_commands:characterise",
         "Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.",
     ),
     "energy": ("verb_commands:energy", "Compute input, output and efficiency of a muscle's working cycles."),

@@ -16,13 +16,13 @@ import typer
 from .. import muscles
 from ..bench import console as prompt_module
 from ..bench import hardware as hardware_package
+from ..bench import rig_file
 from ..bench import session as session_package
 from ..errors import ConvergenceError, InputError, MckibbenError
 from ..quantities import parse
 from ._progress import progress
-from ._terminal import Contraction, Muscle, NoiseSeed, Plumbing, RigName
-from .run import CalibrationFile, On, chosen_rig
-from .run import ask_person as ask_person
+from ._reading import CalibrationFile, Contraction, Muscle, NoiseSeed, On, Plumbing, RigName
+from ._terminal import ask_person as ask_person
 
 if TYPE_CHECKING:
     from ..bench.rig import Rig
@@ -66,7 +66,10 @@ def console(
     lines = None if script is None else _lines(script)
     if machine is not None and as_fast_as_it_goes:
         raise InputError("--as-fast-as-it-goes", None, "is allowed only without --on: a real machine has its own time")
-    on, wanted = chosen_rig(rig, {}, calibration), None if rate is None else parse(rate, "1/s", field="--rate")
+    on, wanted = (
+        rig_file.rig(rig, calibration=calibration),
+        None if rate is None else parse(rate, "1/s", field="--rate"),
+    )
     by_hand = lines is None and sys.stdin.isatty()
     if by_hand:
         typer.echo("Getting the machine ready ..", err=True)
@@ -91,7 +94,7 @@ def _span(span: str | None, contraction: str | None, muscle: str) -> str | None:
     if span is not None:
         raise InputError("--span", span, "is allowed only without --contraction")
     try:
-        return f"{float(muscles.build.built_muscle(muscle).length_at(contraction))!r} m"
+        return f"{float(muscles.muscle.built_muscle(muscle).length_at(contraction))!r} m"
     except InputError as error:
         raise error.changed(field="--contraction" if error.field == "contraction" else error.field) from None
 

@@ -21,18 +21,20 @@ from ._outputs import FIGURE, KEPT_RECORDING, REPORT, OutputKinds, Paths, write_
 from ._reading import (
     Column,
     Decimal,
+    End,
     GearRatio,
     Header,
     Period,
     Scale,
     Sheet,
+    Start,
     Topic,
     Unit,
     column_places,
     format_options,
     stated_columns,
 )
-from ._terminal import End, FigureLook, FigureWidth, Json, Start, options_named, pairs, print_json, table
+from ._terminal import FigureLook, FigureWidth, Json, options_named, pairs, print_json, table
 
 if TYPE_CHECKING:
     from ..recordings import Recording

@@ -8,13 +8,12 @@ from typing import Annotated
 
 import typer
 
-from ..bench import hardware, session
+from ..bench import hardware, rig_file, session
 from ..errors import InputError
 from ..extras import library
 from ..registry import fix_code
 from ._progress import protected
-from ._terminal import LockStep
-from .run import CalibrationFile, On, chosen_rig
+from ._reading import CalibrationFile, LockStep, On
 
 NEEDED = ("starlette", "uvicorn", "websockets")
 
@@ -57,7 +56,7 @@ def serve_screen(
 
     hardware.backends.check_connection(machine)
     with listen(host, port) as line:  # an address that is taken is refused before anything is made ready
-        first, real = chosen_rig(rig, {}, calibration), None
+        first, real = rig_file.rig(rig, calibration=calibration), None
         if machine is not None:
             real = HardwareSpec(machine, lock_step)
             with hardware.backends.connected(

@@ -3,31 +3,40 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 import re
+import tempfile
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, PlausibilityWarning
+import typer
+
+from ..errors import EmptyRunError, InputError, PlausibilityWarning, StageError
 from . import _outputs, _progress
 from ._outputs import FIGURE, OBJECT, RECORDING, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds, write_recording
+from ._terminal import CHANGE, ask_person, caution, print_json
 from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
+from ._verb import show as show_answer
 
 if TYPE_CHECKING:
     from ..analysis.energy import WorkingCycles
     from ..analysis.energy_parts import EnergyAccount
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
+    from ..bench.prepare import PreparedRun
     from ..control.scores import ControlScores
     from ..experiments.description import ProtocolDescription
+    from ..studies.characterisation.verb import CharacterisationPlan
     from ..studies.circuits import CircuitDescription, CircuitRecording, CircuitResponse, FittedCircuit
     from ..studies.comparison import MuscleTable
     from ..studies.description import BraidDescription, MuscleDescription
     from ..studies.fitting import FittedFriction, FittedTables
     from ..studies.joint_run import JointRecording
     from ..studies.next_measurement import NextMeasurement, NextReadings
+    from ..studies.rig_run import RunPlan, RunRecording, StimulatedRecording
     from ..studies.sizing import Sizing
     from ..studies.tube_study import TubeStudy
 
@@ -77,7 +86,7 @@ def _save_braid(answer: BraidDescription, path: Path) -> None:
     save_specimen(answer.specimen, path, heading=heading)
 
 
-def _name_of_braid(files: OutputFiles) -> dict[str, str]:
+def _name_of_braid(given: Mapping[str, Any], files: OutputFiles) -> dict[str, str]:
     path = files.first("specimen")
     return {} if path is None else {"name": re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-.") or "braid"}
 
@@ -233,6 +242,150 @@ compare = VerbCommand(
     writes={"report": lambda answer, path: answer.report(path)},
     doing=("comparing", _compare_stages),
     pairs={"stimulation": "phase='60 deg' or duty=0.3"},
+)
+
+
+# ---- test machines
+
+
+def _log_beside(given: Mapping[str, Any], files: OutputFiles) -> dict[str, str]:
+    """The log beside the recording, for a run in real time; that of an earlier run is never written over."""
+    path = files.first("recording")
+    if given["log"] is not None or path is None or not (given["real_time"] or given["machine"] is not None):
+        return {}
+    names = (path.with_stem(f"{path.stem}-{i}") if i > 1 else path for i in itertools.count(1))
+    return {"log": str(next(one for one in (name.with_suffix(".mcap") for name in names) if not one.exists()))}
+
+
+@contextlib.contextmanager
+def _running(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    from ..bench.software.interlocks import EmergencyStop
+    from ..studies.rig_run import RUNNING
+
+    button = EmergencyStop()
+
+    @contextlib.contextmanager
+    def telling(title: str, run: PreparedRun) -> Iterator[Callable[[float, float], None]]:
+        if title != RUNNING:
+            with _progress.progress(title, 1.0) as bar:
+                yield bar.at
+            return
+        caution(*run.cautions)
+        with _progress.progress(title, run.plan.duration, guarded=False) as bar, button.on_signals():
+            yield bar.at
+
+    try:
+        yield {"stop": button, "ask": ask_person, "telling": telling}
+    except EmptyRunError as error:
+        if not button():
+            raise
+        typer.echo(f"mckibben: {error}", err=True)
+        raise typer.Exit(_progress.INTERRUPTED) from None
+
+
+def _keep_run(answer: RunPlan | RunRecording | StimulatedRecording, files: OutputFiles) -> bool:
+    """Write the recording; of a run that cannot be made again, a copy where there is room, and say how it ended."""
+    from ..studies.rig_run import RunPlan
+
+    if isinstance(answer, RunPlan):
+        return False
+    record, log = answer.recording, getattr(answer, "log", None)
+    try:
+        elsewhere = None if log is None else Path(tempfile.gettempdir())
+        files.write("recording", lambda path: write_recording(record, path), elsewhere=elsewhere)
+    except InputError:
+        if record.meta["result"] != "done":
+            typer.echo(f"mckibben: {record.meta['message']}", err=True)
+        if log is not None and Path(log).exists():
+            typer.echo(f"mckibben: the log {log} has what was written until then", err=True)
+        raise
+    return True
+
+
+def _draw_recorded(answer: RunRecording | StimulatedRecording, path: Path) -> None:
+    from ..report.figures import fit_figures, recording_figures, style
+
+    record, bands = answer.recording, getattr(answer, "predicted", None)
+    title = record.meta["title"]
+    figure = recording_figures.time_figure(record) if bands is None else fit_figures.run_bands(bands, title=title)
+    style.save(figure, path)
+
+
+def _code_of_run(answer: RunPlan | RunRecording) -> int:
+    from ..studies.rig_run import RunPlan
+
+    if isinstance(answer, RunPlan):
+        return 2
+    return _progress.INTERRUPTED if answer.recording.meta["result"] == "interrupted" else 1
+
+
+run = VerbCommand(
+    "studies.rig_run:record_run",
+    RECORDED,
+    ("run work-loop --muscle nylon --set cycles=2 --out loop.nc --out loop.svg",),
+    options={"changes": "set", "faults": "fault", "machine": "on", "posterior": "from_posterior"},
+    pairs={"changes": CHANGE, "faults": "leak='0.2 l/min/bar'"},
+    from_files=_log_beside,
+    around=_running,
+    keep=_keep_run,
+    draw=_draw_recorded,
+    failed=_code_of_run,
+)
+
+
+def _check_characterised(given: Mapping[str, Any], files: OutputFiles) -> None:
+    if given["out"] is None and not given["dry_run"]:
+        raise InputError("--out", None, "is missing: the folder of recordings, report and specimen")
+
+
+@contextlib.contextmanager
+def _characterising(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    from ..bench.software.interlocks import EmergencyStop
+    from ..studies.characterisation.verb import place_of
+
+    button, bars = EmergencyStop(), []
+
+    @contextlib.contextmanager
+    def begun(intended: CharacterisationPlan) -> Iterator[None]:
+        if given["as_json"] and given["dry_run"]:
+            print_json(intended.to_dict())
+        else:
+            show_answer(intended)
+        if given["dry_run"]:
+            raise typer.Exit
+
+        def kept() -> str:
+            stages, out = intended.bounds.stages, Path(given["out"])
+            done = [name for name in stages if place_of(out, name).exists()]
+            if not done:
+                return "no stage was done, and nothing was kept"
+            return f"{', '.join(done)} of {len(stages)} stages are in {out}, and the same command goes on"
+
+        with (
+            _progress.progress("characterising", intended.total, saved=kept, guarded=False) as bar,
+            button.on_signals(),
+        ):
+            bars.append(bar)
+            try:
+                yield
+            except StageError as error:
+                if not button():
+                    raise
+                typer.echo(f"mckibben: interrupted in stage {error.stage}; vented; {kept()}", err=True)
+                raise typer.Exit(_progress.INTERRUPTED) from None
+
+    yield {"begun": begun, "stop": button, "progress": lambda done, total, stage: bars[-1].reached(done, total, stage)}
+
+
+characterise = VerbCommand(
+    "studies.characterisation.verb:characterise",
+    OutputKinds(),
+    ("characterise --muscle nylon --rig modern --max-pressure '5 bar' --out nylon",),
+    options={"rig": "rig", "laws": "law", "machine": "on"},
+    pairs={"known": "wall_thickness='0.5 mm'"},
+    flags={"dry_run": "Print the stages and their times without moving anything."},
+    check=_check_characterised,
+    around=_characterising,
 )
 
 

@@ -29,9 +29,9 @@ import numpy as np
 from ..components import Hysteresis
 from ..errors import InputError
 from ..muscles import Muscle
-from ..muscles.build import muscle
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
+from ..muscles.muscle import muscle
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.valves import PressureRegulator
 from ..simulation import Air, Joint, Simulation, Spring

@@ -326,6 +326,7 @@ def score(
             )
             done += 1
     scores = {name: {plant: run.score for plant, run in runs.items()} for name, runs in results.items()}
+    few = f"{seconds:g} s of {course.name} are few holds; the printed numbers are of 450"
     return ControlScores(
         bench,
         course.name,
@@ -334,19 +335,13 @@ def score(
         {name: {p: s for p, s in one.items() if p not in VARIED} for name, one in scores.items()},
         {name: {p: s for p, s in one.items() if p in VARIED} for name, one in scores.items()},
         {name: _median_run(runs) for name, runs in results.items()},
-        collect(*_cautions(seconds, course)),
+        collect(Caution(few, "duration") if course.hold and seconds < 10 * HOLD else None),
     )
 
 
 def _median_run(runs: Mapping[str, ControlRun]) -> ControlRun:
     new = [run for plant, run in runs.items() if plant not in VARIED] or [runs["nominal"]]
     return sorted(new, key=lambda run: run.score.tracking)[len(new) // 2]
-
-
-def _cautions(seconds: float, course: Reference) -> list[Caution]:
-    if course.hold and seconds < 10 * HOLD:
-        return [Caution(f"{seconds:g} s of {course.name} are few holds; the printed numbers are of 450", "duration")]
-    return []
 
 
 def _reference(stand: ControlBench, name: str | None) -> Reference:

@@ -112,7 +112,7 @@ class CoupledRun:
         systems, varied = [], []
         for g, group in enumerate(self.groups):
             stacked = [_stacked(row, leaves, single) for row in group.places]
-            same = [_same(array) for array in stacked]
+            same = [bool((array == array[..., :1]).all()) for array in stacked]
             chosen = [array[..., 0] if equal else array for array, equal in zip(stacked, same, strict=True)]
             system, _, _, own = jax.tree.unflatten(group.structure, chosen)
             flags = jax.tree.unflatten(group.structure, [not equal for equal in same])[0]
@@ -182,7 +182,3 @@ def _stacked(row: np.ndarray, leaves: Sequence[np.ndarray], single: np.ndarray) 
         column: np.ndarray = single[row]
         return column
     return np.stack([leaves[k] for k in row], -1)
-
-
-def _same(array: np.ndarray) -> bool:
-    return bool((array == array[..., :1]).all())

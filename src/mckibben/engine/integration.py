@@ -233,7 +233,11 @@ def march(
 
         def one(i: Any, c: Any) -> Any:
             begin, end = i / inner, (i + 1) / inner
-            return step(system, c, lambda share: _within(signals, index, begin, end, share, period), h, stiff)
+
+            def inputs(share: Scalar) -> dict[str, Tree]:
+                return {name: s.within(index, begin, end, share, period) for name, s in signals.items()}
+
+            return step(system, c, inputs, h, stiff)
 
         return jax.lax.fori_loop(0, inner, one, carry), sampled
 
@@ -313,10 +317,6 @@ def _outputs(
 
 def _inputs(signals: Any, index: Scalar, share: Scalar, period: Scalar) -> dict[str, Tree]:
     return {name: s.at(index, share, period) for name, s in signals.items()}
-
-
-def _within(signals: Any, index: Scalar, begin: Scalar, end: Scalar, share: Scalar, period: Scalar) -> dict[str, Tree]:
-    return {name: s.within(index, begin, end, share, period) for name, s in signals.items()}
 
 
 def _samples(signals: Mapping[str, Signal], period: float, step_size: float, method: str) -> int:

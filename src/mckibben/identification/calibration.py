@@ -16,11 +16,10 @@ import numpy as np
 from ..answers import Caution, warn
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.build import at_rest_length, built_muscle
-from ..muscles.evidence import measured_rest_lengths
+from ..muscles.build import at_rest_length, measured_rest_lengths
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..muscles.muscle import Muscle
+from ..muscles.muscle import Muscle, built_muscle
 from ..quantities import declared, with_unit
 from ..specimens import Specimen, SpecimenNumber
 from ..specimens.model import BEFORE

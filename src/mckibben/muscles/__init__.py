@@ -3,15 +3,16 @@
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from .build import from_specimen, law, law_from_specimen
+from .build import law, law_from_specimen
 from .law import LawState, PressureLaw, TensionLaw
 from .laws import LAWS, law_type
-from .muscle import Muscle
+from .muscle import Muscle, from_specimen
 
 if TYPE_CHECKING:
     from . import build as build
     from . import evidence as evidence
     from . import laws as laws
+    from . import muscle as muscle
     from . import plausible as plausible
     from . import sleeve as sleeve
     from .elements import Tendon as Tendon

@@ -25,7 +25,10 @@ from ..quantities import declared, with_unit
 from ..specimens import Specimen
 from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS, MUSCLES
 from .braid import SHORTEST_SHARE, braid_of
+from .build import law_from_specimen, measured_rest_lengths
 from .law import TensionLaw, law_name
+from .plausible import usual_pressure
+from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
 SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
@@ -193,14 +196,6 @@ def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, 
     return {"law_error": errors} | ({"warnings": list(said)} if said else {})
 
 
-def measured_rest_lengths(spec: Specimen) -> list[float]:
-    """Rest lengths of the muscles to which a specimen's laws were fitted [m], rising; none where the file states none."""
-    if "measured_rest_lengths" not in spec.properties:
-        return []
-    value = spec.properties["measured_rest_lengths"].si("m", field="properties.measured_rest_lengths", where=spec.where)
-    return sorted(value if isinstance(value, list) else [value])
-
-
 def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tuple[Caution, ...]:
     """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length or braid.
 
@@ -217,8 +212,6 @@ def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tu
     of_make = spread is not None and max(spread.elsewhere or 0.0, spread.calibrated or 0.0) > NOTABLE
     words = [f"the tension of {spec.id} by {law} may be off by {error}"] * large + [f"{spread}"] * of_make
     said = Caution("; ".join(words), "law") if words else None
-    from .sleeve import braid_caution
-
     return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, law) if at_rest else None)
 
 
@@ -271,8 +264,6 @@ def tension_range(
     """
     if spec is None or name not in spec.laws or "rms" in spec.errors.get(name, {}):
         return None
-    from .sleeve import varied_law
-
     units = {key: q.unit for key, q in declared(law).items()}
     varied = varied_law(spec, name, law)
     ends = [] if varied is None else [one for pair in varied.of_dimensions.values() for one in pair]
@@ -289,6 +280,24 @@ def tension_range(
     changes = np.array([np.asarray(one.tension(length, pressure)) - own for one in laws])
     below, above = (np.sqrt(np.sum(np.square(np.clip(sign * changes, 0.0, None)), axis=0)) for sign in (-1.0, 1.0))
     return np.maximum(own - below, 0.0), own + above
+
+
+def braid_caution(spec: Specimen, name: str) -> Caution | None:
+    """What is not known of the tension of a braid at its rest length; None of a specimen that no dimensions made.
+
+    An answer that has no length and pressure of its own, such as a run, says with it how far its tensions may be off.
+    """
+    if name not in spec.laws or not is_braid(spec, name):
+        return None
+    rest, pressure, law = spec.property_si("rest_length", "m"), usual_pressure(spec), law_from_specimen(spec, name)
+    pull = float(law.tension(rest, pressure))
+    ends = tension_range(spec, name, law, np.asarray(rest), np.asarray(pressure))
+    assert ends is not None  # a braid has ranges
+    low, high = (with_unit(float(end), "N", 3) for end in ends)
+    at = f"at its rest length and {with_unit(pressure, 'Pa')} {spec.id} pulls {with_unit(pull, 'N', 3)} by {name}"
+    differing = differing_caution(spec, name, pull, other_laws(spec, name, rest, pressure))
+    said = "" if differing is None else f"; {differing.text}"
+    return Caution(f"{at}, and {low} to {high} with what was not measured in its ranges{said}", "law")
 
 
 FACTORS = [1.025**n for step in range(1, 66) for n in (step, -step)]  # of a value that are tried: from near 1 to 5

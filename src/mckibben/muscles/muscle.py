@@ -1,4 +1,4 @@
-"""A muscle as one object: its law, friction, creep and published data, with the questions that a user asks of a muscle.
+"""A muscle as one object: law, friction, creep and published data, with the questions that a user asks; and made by name.
 
 Lengths, pressures and forces go in as SI numbers, as arrays, or as text with a unit, and come out as SI: a number for
 numbers and texts, a NumPy array for arrays, a JAX array or tracer for what JAX hands in.
@@ -6,11 +6,13 @@ numbers and texts, a NumPy array for arrays, a JAX array or tracer for what JAX 
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import inspect
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,10 +24,23 @@ from ..components import Hysteresis, MemoryElement, Module, Scalar, field
 from ..documents import JsonValue
 from ..errors import InputError
 from ..quantities import declared, in_si, with_unit
-from ..specimens import Specimen, SpecimenNumber, save_specimen
-from .evidence import LawError, error_of, law_cautions, tension_range
+from ..registry import is_reference, named_by_person
+from ..specimens import Specimen, SpecimenNumber, muscle_specimen, save_specimen
+from .build import (
+    at_rest_length,
+    biological_from_specimen,
+    build_law,
+    law_from_specimen,
+    parameters_in_si,
+    rest_length_of,
+)
+from .elements import MaxwellChain
+from .evidence import LawError, check_geometry, error_of, law_cautions, tension_range
+from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import LawState, TensionLaw, law_name
+from .laws import LAWS
 from .plausible import free_length_caution, length_caution, measured_length_caution, pressure_caution, stretch_caution
+from .sleeve import from_braid
 
 if TYPE_CHECKING:
     from ..accessors import MusclePlots
@@ -384,3 +399,210 @@ def _largest(value: Any) -> float | None:
 
 def _typed(value: Any, largest: float) -> str:
     return value if isinstance(value, str) else f"{largest:g}"
+
+
+# ---- muscles by name
+
+
+def built_muscle(
+    name: str | os.PathLike[str] | Specimen,
+    *,
+    law: str | type[TensionLaw] | None = None,
+    friction: str | Hysteresis | None = None,
+    creep: MemoryElement | None = None,
+    **parameters: Any,
+) -> Muscle:
+    """A muscle as `MuscleFactory` makes it, of names that may stand in a file and allow no code."""
+    if not (creep is None or isinstance(creep, MemoryElement)):
+        raise InputError("creep", None, f"must be an element such as MaxwellChain, got {creep!r}")
+    if not (friction is None or isinstance(friction, str | Hysteresis)):
+        raise InputError("friction", None, f"must be a friction such as MaxwellSlip, or its name, got {friction!r}")
+    for key, value in parameters.items():
+        if not isinstance(value, str) and np.ndim(value):
+            raise InputError(key, None, f"must be one number, got {value!r}")
+    if isinstance(name, str) and name in LAWS:
+        if law is not None:
+            raise InputError("law", None, f"is allowed only with a specimen; {name} is a law itself")
+        built = build_law(name, parameters_in_si(name, parameters))
+        check_geometry(built, rest_length_of(None, built))
+        return Muscle(built, _own(friction), creep, stated=tuple(parameters))
+    spec = name if isinstance(name, Specimen) else muscle_specimen(name)
+    chosen = (law if isinstance(law, str) else LAWS.stated_as(law, spec.laws)) if law else spec.law
+    spec, changes = at_rest_length(spec, chosen, parameters_in_si(chosen, parameters))
+    if spec.kind == "biological":
+        fibre = cast(TensionLaw, biological_from_specimen(spec, chosen, changes))  # it answers the questions of a law
+        return Muscle(fibre, _own(friction), creep, specimen=spec)
+    built = law_from_specimen(spec, chosen, changes=changes)
+    check_geometry(built, rest_length_of(spec, built))
+    chain = creep or _stated_creep(spec)
+    return Muscle(built, _usual_friction(spec, friction), chain, specimen=spec, stated=tuple(parameters))
+
+
+class MuscleFactory:
+    """Makes a `Muscle` of what names one: a specimen's id, a ``.toml`` file, or a law and its parameters."""
+
+    def __call__(
+        self,
+        name: str | os.PathLike[str] | Specimen,
+        *,
+        law: str | type[TensionLaw] | None = None,
+        friction: str | Hysteresis | None = None,
+        creep: MemoryElement | None = None,
+        **parameters: Any,
+    ) -> Muscle:
+        """A muscle from a specimen, or from a law.
+
+        Args:
+            name: id of a specimen, path of a ``.toml`` file, a specimen that was read, or the name of a law.
+            law: one of the laws that the specimen states, or the class of one that it states as ``my.py:MyLaw``; its default
+                law where left out.
+            friction: one of the frictions that the specimen states, a friction, or a class in a file such as
+                ``my.py:MyFriction``. Where left out the specimen's own such class, else Maxwell-slip, and where only
+                Coulomb's is stated Maxwell-slip elements with its limit, for a friction without memory chatters at rest.
+            creep: viscoelastic elements beside the braid.
+            **parameters: of the law, in place of those that the specimen states: numbers [SI] or text with a unit.
+
+        Raises:
+            InputError: the name is unknown, or names a valve; or a parameter is missing, unknown or out of bounds.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> mk.muscle("nylon")
+            Muscle('nylon', linear_threshold + MaxwellSlip, 14 cm at rest)
+            >>> mk.muscle("ideal", thread_length="16 cm", turns=3.2)
+            Muscle(own, ideal)
+        """
+        named_by_person(name, law, friction)
+        return built_muscle(name, law=law, friction=friction, creep=creep, **parameters)
+
+    def from_braid(self, **dimensions: float | str) -> Muscle:
+        """A muscle from the dimensions of its sleeve and bladder, with nothing measured.
+
+        Args:
+            **dimensions: ``rest_length``, ``diameter``, ``braid_angle``, ``thread_diameter`` and ``bladder_thickness``, and
+                ``shore``, see `muscles.sleeve.from_braid`.
+
+        Raises:
+            InputError: a dimension is missing, unknown or out of its bounds, or bladder and threads fill the braid.
+
+        Examples:
+            >>> import mckibben as mk
+            >>> mk.muscle.from_braid(rest_length="300 mm", diameter="12 mm", braid_angle="25 deg", thread_diameter="0.25 mm",
+            ...     bladder_thickness="1 mm")
+            Muscle('braid', linear_threshold + MaxwellSlip, 30 cm at rest)
+        """
+        try:
+            inspect.signature(from_braid).bind(**dimensions)
+        except TypeError:
+            known = inspect.signature(from_braid).parameters
+            for name in dimensions:
+                if name not in known:
+                    raise InputError("dimension", name, known=known) from None
+            missing = [n for n, p in known.items() if p.default is p.empty and n not in dimensions]
+            raise InputError("dimensions", None, f"of a braid are incomplete without {', '.join(missing)}") from None
+        return self(from_braid(**cast(Any, dimensions)))
+
+
+muscle = MuscleFactory()
+"""A muscle by name, see `MuscleFactory`: ``mckibben.muscle("nylon")``, ``mckibben.muscle.from_braid(..)``."""
+
+
+def from_specimen(spec: Specimen, law: str | None = None, friction: str | None = None) -> Any:
+    """A `Muscle` of a McKibben specimen, or the `BiologicalMuscle` of a biological one.
+
+    Args:
+        spec: the specimen, as read from a file.
+        law: one of the laws it states; its default law by default.
+        friction: one of the frictions it states; the first by default, none if it states none.
+    """
+    if spec.kind == "biological":
+        return biological_from_specimen(spec, law or spec.law, {})
+    chosen = friction or next(iter(spec.friction), None)
+    return Muscle(
+        law=law_from_specimen(spec, law),
+        friction=None if chosen is None else _stated_friction(spec, chosen),
+        specimen=spec,
+    )
+
+
+def _own(friction: str | Hysteresis | None) -> Hysteresis | None:
+    if not isinstance(friction, str):
+        return friction
+    if is_reference(friction):
+        return _build_friction(friction, {}, "friction", None)
+    raise InputError("friction", friction, "must be a friction such as MaxwellSlip; only specimens state one by name")
+
+
+def _usual_friction(spec: Specimen, friction: str | Hysteresis | None) -> Hysteresis | None:
+    if isinstance(friction, Hysteresis):
+        return friction
+    own = next((name for name in spec.friction if is_reference(name)), None)
+    usual = "maxwell_slip" if "maxwell_slip" in spec.friction else next(iter(spec.friction), None)
+    chosen = friction or own or usual
+    if chosen is None:
+        return None
+    if chosen not in spec.friction and is_reference(chosen):
+        return _own(chosen)
+    built = _stated_friction(spec, chosen)
+    return MaxwellSlip.geometric(built.limit) if isinstance(built, Coulomb) and friction is None else built
+
+
+def _stated_creep(spec: Specimen) -> MemoryElement | None:
+    if "creep_stiffness" not in spec.properties:
+        return None
+    where = spec.where or spec.id
+    values = {}
+    for name, unit in (("creep_stiffness", "N/m"), ("creep_time_constants", "s")):
+        if name not in spec.properties:
+            raise InputError(f"properties.{name}", None, "is missing: creep has stiffnesses and times", where=where)
+        value = spec.properties[name].si(unit, field=f"properties.{name}", where=where)
+        values[name] = np.atleast_1d(np.asarray(value, float))
+    stiffness, times = values.values()
+    if stiffness.shape != times.shape:
+        allowed = f"must be as many as creep_stiffness, {len(stiffness)}, got {len(times)}"
+        raise InputError("properties.creep_time_constants", None, allowed, where=where)
+    known = declared(MaxwellChain)
+    for name, numbers in (("stiffness", stiffness), ("time_constant", times)):
+        known[name].check(f"creep.{name}", numbers, where=where)
+    return MaxwellChain(stiffness=stiffness, time_constant=times)
+
+
+# Parameters of the limit of a friction, and of Maxwell-slip elements with spread travels, in a specimen file; SI units.
+_LIMIT_UNITS = {"constant": "N", "per_pressure": "m^2"}
+_SPREAD_UNITS = {"elements": "1", "shortest": "m", "longest": "m", "at_pressure": "Pa"}
+
+
+def _stated_friction(spec: Specimen, name: str) -> Hysteresis:
+    if name not in spec.friction:
+        raise InputError("friction", name, f"{spec.id} states", known=spec.friction, where=spec.where)
+    return _build_friction(name, spec.friction[name], f"friction.{name}", spec.where)
+
+
+def _build_friction(name: str, stated: Mapping[str, SpecimenNumber], path: str, where: str | None) -> Hysteresis:
+    """A friction from the numbers that a file states; what it declares beyond has its defaults."""
+    kind = HYSTERESES.find(name, field=path, where=where)
+    has_limit = any(f.name == "limit" for f in dataclasses.fields(kind))
+    known = {key: q.unit for key, q in declared(kind).items()} | (_LIMIT_UNITS if has_limit else {})
+    whole = {f.name for f in dataclasses.fields(kind) if f.type in ("int", int)}
+    known |= dict.fromkeys(whole, "1")
+    if kind is MaxwellSlip:
+        known |= _SPREAD_UNITS
+        whole.add("elements")
+    parameters: dict[str, Any] = {}
+    for key, number in stated.items():
+        if key not in known:
+            raise InputError(f"{path}.{key}", None, f"{name} has", known=known, where=where)
+        value = number.si(known[key], field=f"{path}.{key}", where=where)
+        if key in declared(kind):
+            declared(kind)[key].check(f"{path}.{key}", value, where=where)
+        parameters[key] = int(value) if key in whole and not isinstance(value, list) else value
+    if has_limit:
+        limit = {key: parameters.pop(key, 0.0) for key in _LIMIT_UNITS}
+        parameters["limit"] = FrictionLimit(**limit)
+    # Elements of equal force with spread travels are how a source states Maxwell-slip; single stiffnesses are measured.
+    make: Any = MaxwellSlip.geometric if kind is MaxwellSlip and "stiffness" not in parameters else kind
+    try:
+        built: Hysteresis = make(**parameters)
+    except TypeError as error:
+        raise InputError(path, ", ".join(parameters), str(error).split(") ")[-1], where=where) from None
+    return built

@@ -27,18 +27,17 @@ from .._jax import Scalar, Tree, jit, jnp
 from ..answers import Caution
 from ..components.programs import evaluated
 from ..errors import InputError
-from ..quantities import Quantity, declared, from_si, parse, shown_unit, with_unit
+from ..quantities import Quantity, declared, from_si, parse, shown_unit
 from ..specimens import Specimen, SpecimenNumber
 from . import braid
 from .bladder import BLADDER_SHARE
 from .build import law_from_specimen
-from .evidence import tension_range
 from .law import TensionLaw
 from .laws.hyperelastic_braid import HyperelasticBraid
 from .laws.ideal import Ideal
 from .laws.linear_threshold import LinearThreshold
 from .laws.thick_wall import ThickWall
-from .plausible import HIGHEST_PRESSURE, usual_pressure
+from .plausible import HIGHEST_PRESSURE
 
 
 class InferredDimension(NamedTuple):
@@ -297,6 +296,11 @@ _PROPERTIES = ("rest_length", "outer_diameter", "rest_angle", "thread_diameter",
 _READ_PROPERTIES = dict(zip(_PROPERTIES, DIMENSIONS.items(), strict=True))
 
 
+def is_braid(spec: Specimen, law: str) -> bool:
+    """Whether a law of a specimen follows from the dimensions of a braid, as `from_braid` makes it."""
+    return law in ERRORS and set(_PROPERTIES) <= set(spec.properties)
+
+
 def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
     """How readings that are off change a law of a braid; None of a specimen that was not made from a braid's dimensions.
 
@@ -305,7 +309,7 @@ def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
         name: of the law.
         law: the law, perhaps with other parameters.
     """
-    if name not in ERRORS or not set(_PROPERTIES) <= set(spec.properties):
+    if not is_braid(spec, name):
         return None
     units = (q.unit for q in DIMENSIONS.values())
     at = {key: spec.property_si(path, unit) for key, path, unit in zip(DIMENSIONS, _PROPERTIES, units, strict=True)}
@@ -324,7 +328,7 @@ def varied_law(spec: Specimen, name: str, law: TensionLaw) -> VariedLaw | None:
 
 def other_laws(spec: Specimen, name: str, length: float, pressure: float) -> dict[str, float]:
     """Tension of a braid by its other laws [N]; empty of a specimen that was not made from a braid's dimensions."""
-    if name not in ERRORS or not {*_PROPERTIES} <= set(spec.properties):
+    if not is_braid(spec, name):
         return {}
     laws = {law: law_from_specimen(spec, law) for law in ERRORS if law in spec.laws and law != name}
     return {law: float(built.tension(length, pressure)) for law, built in laws.items()}
@@ -338,24 +342,6 @@ def differing_caution(spec: Specimen, name: str, tension: float, others: Mapping
     shown = ", ".join(f"{pull:.3g} N by {law}" for law, pull in pulls.items())
     said = f"nothing of {spec.id} was measured, and its laws differ: {shown}. {TRUST}"
     return Caution(said, "law")
-
-
-def braid_caution(spec: Specimen, name: str) -> Caution | None:
-    """What is not known of the tension of a braid at its rest length; None of a specimen that no dimensions made.
-
-    An answer that has no length and pressure of its own, such as a run, says with it how far its tensions may be off.
-    """
-    if name not in ERRORS or name not in spec.laws or not {*_PROPERTIES} <= set(spec.properties):
-        return None
-    rest, pressure, law = spec.property_si("rest_length", "m"), usual_pressure(spec), law_from_specimen(spec, name)
-    pull = float(law.tension(rest, pressure))
-    ends = tension_range(spec, name, law, np.asarray(rest), np.asarray(pressure))
-    assert ends is not None  # a braid has ranges
-    low, high = (with_unit(float(end), "N", 3) for end in ends)
-    at = f"at its rest length and {with_unit(pressure, 'Pa')} {spec.id} pulls {with_unit(pull, 'N', 3)} by {name}"
-    differing = differing_caution(spec, name, pull, other_laws(spec, name, rest, pressure))
-    said = "" if differing is None else f"; {differing.text}"
-    return Caution(f"{at}, and {low} to {high} with what was not measured in its ranges{said}", "law")
 
 
 def slenderness_caution(spec: Specimen) -> str | None:

@@ -38,7 +38,7 @@ from ..answers import Answer, Column, Table
 from ..documents import JsonValue, read_toml, write_text
 from ..errors import InputError
 from ..quantities import with_unit
-from ..verbs import ParameterType, RecordingFile, verb
+from ..verbs import CalibrationFile, ParameterType, RecordingFile, verb
 from .calibration import DAY, TERMS, Calibration, Correction, carried, correction_table, moment, read_plain, recalibrate
 from .files import read_recording
 from .provenance import created
@@ -46,7 +46,6 @@ from .recording import Recording
 
 UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 
-CalibrationFile = Annotated[Any, ParameterType("CALIBRATION")]
 CalibrationOrRecording = Annotated[Any, ParameterType("CALIBRATION|RECORDING")]
 
 VALUES = (Column("value", right=True), Column("half", "+- 95 %", right=True))

@@ -55,9 +55,11 @@ def pdf(document: DocumentContent) -> bytes:
     Raises:
         MissingLibraryError: typst is not installed.
     """
+    from matplotlib import get_data_path
+
     typst = compiler()
-    files = sources(document)
-    return bytes(typst.compile(files, format="pdf", font_paths=_fonts(), pdf_standards="ua-1"))
+    fonts = Path(get_data_path()) / "fonts" / "ttf"  # has that of the figures
+    return bytes(typst.compile(sources(document), format="pdf", font_paths=[str(fonts)], pdf_standards="ua-1"))
 
 
 def compiler(instead: str = "HTML reports do without it") -> ModuleType:
@@ -99,13 +101,6 @@ def _very_wide(block: Block) -> bool:
     if not isinstance(block, Figure) or isinstance(block.picture, bytes):
         return False
     return bool(block.picture.get_figwidth() > WIDEST)
-
-
-def _fonts() -> list[str]:
-    """Folder of the figures' font, which is part of matplotlib."""
-    from matplotlib import get_data_path
-
-    return [str(Path(get_data_path()) / "fonts" / "ttf")]
 
 
 class _Writer:

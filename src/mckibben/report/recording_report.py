@@ -292,7 +292,9 @@ def loop_blocks(record: Recording) -> list[Block]:
     """Figures and tables of loops, for each label of steps in which the length or the pressure is cyclic."""
     blocks: list[Block] = []
     for label, parts in _groups(record):
-        length, tension, pressure = (_first(parts[0], names) for names in (LENGTHS, TENSIONS, PRESSURES))
+        one, kinds = parts[0], (LENGTHS, TENSIONS, PRESSURES)
+        usable = ([n for n in names if n in one and np.isfinite(one[n]).all()] for names in kinds)
+        length, tension, pressure = (next(iter(names), "") for names in usable)
         if length and tension and (some := _cycling(parts, length)):
             blocks += [_figure(some, length, tension, label), *_table(some, length, tension, _told_apart(record))]
         elif pressure and (some := _cycling(parts, pressure)):
@@ -309,10 +311,6 @@ def _groups(record: Recording) -> list[tuple[str, list[Recording]]]:
         return [(label, segments(record, label)) for label in labels]
     except InputError:
         return [("", [record])]
-
-
-def _first(record: Recording, names: Sequence[str]) -> str:
-    return next((n for n in names if n in record and np.isfinite(record[n]).all()), "")
 
 
 def _moves(values: np.ndarray) -> bool:

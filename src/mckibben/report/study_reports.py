@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from ..analysis.energy import CYCLES, READINGS, CycleLoops, CycleMuscle, EnergyCurve, EnergyCycle
+from ..answers import named
 from ..components.gas import AIR, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from ..errors import InputError
 from ..formats.columns import AMBIENT
 from ..muscles import evidence
-from ..muscles.build import from_specimen, rest_length_of, upper_length_of
+from ..muscles.build import rest_length_of, upper_length_of
 from ..muscles.laws import law_type
+from ..muscles.muscle import from_specimen
 from ..quantities import from_si, with_unit
 from ..studies.characterisation.stages import STAGES
 from ..studies.characterisation.verb import Characterisation
@@ -142,10 +144,10 @@ def _result(found: Characterisation) -> list[Block]:
         for name, e in found.estimates.items()
     )
     columns = headed("Parameter", *numeric("Value", "95 %: from", "to"))
-    said = tuple(one.replace("{known}", "known") for one in found.cautions)
+    said = tuple(named(one.text) for one in found.cautions)
     return [
         Paragraph(words, "lead"),
-        *([NoteBox("Not to be used", (found.failure,), "stop")] if found.failure else []),
+        *([NoteBox("Not to be used", (found.failure() or "",), "stop")] if not found.passed else []),
         KeyValues(tuple(facts)),
         ReportTable(columns, rows, "Parameters with 95 % intervals"),
         *([NoteBox("Caution", said)] if said else []),

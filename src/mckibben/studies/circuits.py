@@ -248,13 +248,9 @@ def record_circuit(
             progress(plan.duration * next(done) / parts, plan.duration)
 
     recording = circuit_run.run_circuit(plan, progress=tell)
-    return CircuitRecording(recording, _collected(plan.cautions, recording.meta.get("warnings", ())))
-
-
-def _collected(cautions: Sequence[Caution], sentences: Sequence[str]) -> tuple[Caution, ...]:
-    """Cautions, and sentences that none of them says."""
-    said = {one.text for one in cautions}
-    return collect(*cautions, *(Caution(one) for one in sentences if one not in said))
+    said = {one.text for one in plan.cautions}
+    found = (Caution(one) for one in recording.meta.get("warnings", ()) if one not in said)
+    return CircuitRecording(recording, collect(*plan.cautions, *found))
 
 
 @dataclass(frozen=True)

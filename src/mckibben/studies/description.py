@@ -152,7 +152,7 @@ def describe_muscle(muscle: MuscleName, *, law: LawName | None = None) -> Muscle
     if law is not None and not law.strip():
         raise InputError("law", law, f"{spec.id} states", known=spec.laws)
     chosen = spec.law if law is None else law
-    built = None if spec.kind == "valve" else muscles.build.built_muscle(spec, law=chosen).law
+    built = None if spec.kind == "valve" else muscles.muscle.built_muscle(spec, law=chosen).law
     cautions = collect(*muscles.evidence.law_cautions(spec, chosen))
     return MuscleDescription(spec, chosen, built, cautions, tuple(dict.fromkeys(spec.sources)))
 
@@ -240,5 +240,5 @@ def describe_braid(
         raise InputError(error.field, error.value if at is None else at, error.problem) from None
     slender = muscles.sleeve.slenderness_caution(spec)
     return BraidDescription(
-        spec, collect(None if slender is None else Caution(slender), muscles.sleeve.braid_caution(spec, spec.law))
+        spec, collect(None if slender is None else Caution(slender), muscles.evidence.braid_caution(spec, spec.law))
     )

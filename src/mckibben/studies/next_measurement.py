@@ -21,8 +21,8 @@ from ..errors import InputError
 from ..identification.between import READ_PRESSURES, READ_SHORTENED, TensionReading
 from ..identification.calibration import new_muscle
 from ..identification.next_points import LawTest, NextExperiment
-from ..muscles.build import built_muscle, changed_parameters
-from ..muscles.muscle import Muscle
+from ..muscles.build import changed_parameters
+from ..muscles.muscle import Muscle, built_muscle
 from ..quantities import with_unit
 from ..specimens import Specimen, muscle_specimen
 from ..verbs import Changes, Duration, LawName, LawPair, Length, MuscleName, PosteriorFile, Pressure, RigName, verb

@@ -12,7 +12,8 @@ from .. import muscles
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.build import built_muscle, changed_parameters, missing_parameters, needed_words
+from ..muscles.build import changed_parameters, missing_parameters, needed_words
+from ..muscles.muscle import built_muscle
 from ..quantities import MOST_VALUES, declared, shown_unit, values, with_unit
 from ..specimens import Specimen, muscle_specimen, specimens
 from ..verbs import (

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 from mckibben.muscles.laws import LAWS
 from mckibben.quantities import from_si
 
 from .datasets import FILLING, VENTING
-from .run import COMPETITORS, PHYSICS, BenchmarkResult, TaskScore, model_names
+from .run import COLUMNS, COMPETITORS, PHYSICS, BenchmarkResult, cells_of, interval, model_names, percent
 from .tasks import READINGS, task
 from .validation import VARIABLE
-from .validation_page import DASH, FRONT
+from .validation_page import FRONT
 from .validation_page import table as markdown_table
 
 HEAD = "<!-- written by `mckibben benchmark`; do not edit -->"
-COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")
 VERDICT = (
     "The best law or other model of muscles here against the best competitor that knows nothing of muscles. Both are the"
     " best by these same errors, which favours the laws, of which there are more. *Within its interval*: the rms error of"
@@ -119,7 +116,7 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         parts += [
             f"## {one.title}",
             f"`{name}`: {one.predicts}. Left out: {one.split}. Data: {sources}.",
-            markdown_table(COLUMNS, [[f"`{cells[0]}`", *cells[1:]] for cells in rows(result, name)]),
+            markdown_table(COLUMNS, [[f"`{cells[0]}`", *cells[1:]] for cells in cells_of(result, name)]),
         ]
         phased = [
             [
@@ -138,7 +135,7 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         ]
         if read:
             parts += ["By readings of the muscle that is predicted:", markdown_table(READING_COLUMNS, read)]
-        parts += refusals(result, name)
+        parts += result.refusals(name)
         missing = [f"`{model}`" for model in every if result.score(name, model) is None]
         if summary and missing:
             parts.append(f"Not run on this task: {', '.join(missing)}.")
@@ -147,14 +144,6 @@ def page(result: BenchmarkResult, *, version: str = "") -> str:
         table = markdown_table(("model", "what it is", "what is chosen"), COMPETITOR_ROWS, right=())
         parts += [COMPETITORS_TEXT, table, COMPETITORS_END]
     return "\n\n".join([*parts, END]) + "\n"
-
-
-def rows(result: BenchmarkResult, name: str) -> list[list[str]]:
-    """Cells of the table of one task, best model first, in the order of `COLUMNS`."""
-    return [
-        [score.model, percent(score.rms()), interval(score), percent(score.largest()), percent(score.bias(), sign=True)]
-        for score in result.of(name)
-    ]
 
 
 def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:
@@ -172,22 +161,3 @@ def verdict_row(result: BenchmarkResult, name: str) -> list[str] | None:
     place += ", the other within its interval" if within else "" if ahead else ", the other outside its interval"
     one = [f"`{name}`", f"`{best.model}`", percent(best.rms()), interval(best)]
     return [*one, f"`{other.model}`", percent(other.rms()), interval(other), place]
-
-
-def refusals(result: BenchmarkResult, name: str) -> list[str]:
-    """A sentence for each reason why models have no result on a task."""
-    reasons: dict[str, list[str]] = {}
-    for model, reason in result.refused(name).items():
-        reasons.setdefault(reason, []).append(f"`{model}`")
-    return [f"No result of {', '.join(models)}: {reason}." for reason, models in reasons.items()]
-
-
-def interval(score: TaskScore) -> str:
-    """The 95 % interval of the rms error as text."""
-    low, high = score.interval()
-    return DASH if math.isnan(low) else f"{percent(low)} to {percent(high)}"
-
-
-def percent(share: float, *, sign: bool = False) -> str:
-    """A share as text in per cent; more than the whole is ``over``."""
-    return "over" if abs(share) > 1.0 else f"{100.0 * share:{'+' if sign else ''}.2f} %"

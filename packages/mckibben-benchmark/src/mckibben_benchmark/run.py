@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import math
 import sys
 import time
 import traceback
@@ -11,20 +12,23 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from mckibben.answers import brief
+from mckibben._version import __version__
+from mckibben.answers import Answer, Column, Table, brief
 from mckibben.documents import JsonValue, parse_json, read_text
 from mckibben.errors import ConvergenceError, InputError, MissingDataError
 from mckibben.muscles.law import TensionLaw
 from mckibben.muscles.laws import LAWS
 from mckibben.registry import Registry, is_reference, load_reference, named_by_person
+from mckibben.verbs import DataFolder, ParameterType, verb
 
 from .datasets import BenchmarkRecord, DataSplit
 from .tasks import TASKS, BenchmarkTask, task
 from .validation import measured_data
+from .validation_page import DASH
 
 
 @runtime_checkable
@@ -350,17 +354,41 @@ def _by_phase(
         )
 
 
+COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")
+
+
+def percent(share: float, *, sign: bool = False) -> str:
+    """A share as text in per cent; more than the whole is ``over``."""
+    return "over" if abs(share) > 1.0 else f"{100.0 * share:{'+' if sign else ''}.2f} %"
+
+
+def interval(score: TaskScore) -> str:
+    """The 95 % interval of the rms error as text."""
+    low, high = score.interval()
+    return DASH if math.isnan(low) else f"{percent(low)} to {percent(high)}"
+
+
+def cells_of(result: BenchmarkResult, name: str) -> list[list[str]]:
+    """Cells of the table of one task, best model first, in the order of `COLUMNS`."""
+    return [
+        [score.model, percent(score.rms()), interval(score), percent(score.largest()), percent(score.bias(), sign=True)]
+        for score in result.of(name)
+    ]
+
+
 @dataclass(frozen=True)
-class BenchmarkResult:
+class BenchmarkResult(Answer):
     """Scores of models on tasks.
 
     Attributes:
         scores: of every model on every task whose data are at hand; models that a task does not suit have a reason.
         absent: tasks whose data are not at hand, with the sentence that says where they are.
+        command: that computes it anew; empty of what was read.
     """
 
     scores: tuple[TaskScore, ...]
     absent: dict[str, str] = field(default_factory=dict)
+    command: str = ""
 
     __repr__ = brief
 
@@ -380,7 +408,31 @@ class BenchmarkResult:
 
     def to_dict(self) -> dict[str, JsonValue]:
         """All figures as plain values, for JSON; errors are shares of the largest measured tension of the muscle."""
-        return {"scores": [one.to_dict() for one in self.scores], "absent": dict(self.absent)}
+        made = {"command": self.command, "version": __version__, "processor_minutes": self.seconds / 60.0}
+        return made | {"scores": [one.to_dict() for one in self.scores], "absent": dict(self.absent)}
+
+    def tables(self) -> list[Table]:
+        """A table per task, with the models that have no result below."""
+        columns = [Column(name, right=bool(i)) for i, name in enumerate(COLUMNS)]
+        made = []
+        for name in self.tasks:
+            one = task(name)
+            title = f"{one.title}: errors as shares of {'the swing' if one.of_swing else 'the largest tension'}"
+            rows = [dict(zip(COLUMNS, cells, strict=True)) for cells in cells_of(self, name)]
+            said = [sentence.replace("`", "") for sentence in self.refusals(name)]
+            made.append(Table(title, tuple(columns), rows, (*said, one.note)))
+        return made
+
+    def remarks(self) -> list[str]:
+        """The tasks that were not run, and why."""
+        return [f"{name} was not run: {reason}." for name, reason in self.absent.items()]
+
+    def refusals(self, name: str) -> list[str]:
+        """A sentence for each reason why models have no result on a task."""
+        reasons: dict[str, list[str]] = {}
+        for model, reason in self.refused(name).items():
+            reasons.setdefault(reason, []).append(f"`{model}`")
+        return [f"No result of {', '.join(models)}: {reason}." for reason, models in reasons.items()]
 
     @classmethod
     def read(cls, path: str | Path) -> BenchmarkResult:
@@ -452,24 +504,34 @@ def run_task(
     return TaskScore(chosen.name, name, seconds=time.process_time() - began, reason=reason, date=date)
 
 
+ModelName = Annotated[str, ParameterType("LAW|FILE.py:CLASS")]
+TaskName = Annotated[str, ParameterType("TASK")]
+EarlierScores = Annotated[Any, ParameterType("SCORES")]  # a file, or the result itself
+
+
+@verb
 def benchmark(
-    models: Iterable[str] = (),
+    models: Sequence[ModelName] = (),
     *,
-    tasks: Iterable[str] = (),
-    folder: str | Path | None = None,
+    tasks: Sequence[TaskName] = (),
+    folder: DataFolder | None = None,
     competitors: bool = False,
-    earlier: BenchmarkResult | None = None,
+    earlier: EarlierScores | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> BenchmarkResult:
-    """Train models on the tasks of the benchmark, and score their predictions of what they were not shown.
+    """Train models on measured tasks, and score their predictions of what they were not shown.
+
+    A model of your own is a class with the methods fit(train) and predict(record), or a tension law. Tasks
+    whose data are not at hand are named. All laws on all tasks take some minutes; with --all, models without
+    physics take part: a Gaussian process, a perceptron, a gated recurrent unit, a neural ODE and Koopman's operator.
 
     Args:
-        models: names, such as ``seated_braid`` or ``my.py:MyModel``; all of this package by default.
-        tasks: names, such as ``map-pressure-out``; all by default.
-        folder: of measured data; the one that MCKIBBEN_DATA names where left out. Without either, only the tasks whose
+        models: law, other model, or one of your own such as my.py:MyModel; all by default.
+        tasks: task, such as map-above-4-bar; all by default.
+        folder: folder of measured data; by default the one that MCKIBBEN_DATA names. Without either, only the tasks whose
             data ship are done.
-        competitors: by default also models without physics, which take a quarter of an hour.
-        earlier: results that are not computed again.
+        competitors: run the competitors without physics too, which takes a quarter of an hour.
+        earlier: earlier result whose scores are not computed again.
         progress: called with a description of the next piece of work, once for each model on each task.
 
     Raises:
@@ -486,6 +548,7 @@ def benchmark(
     names = tuple(models) or model_names(competitors=competitors)
     for name in names:
         new_model(name)  # refuses a wrong word before anything is computed
+    known = earlier if earlier is None or isinstance(earlier, BenchmarkResult) else BenchmarkResult.read(earlier)
     data, tell = measured_data(folder), progress or (lambda _: None)
     scores: list[TaskScore] = []
     absent: dict[str, str] = {}
@@ -497,11 +560,14 @@ def benchmark(
             continue
         for name in names:
             tell(f"{one.name}, {name}")
-            known = earlier and earlier.score(one.name, name)
-            scores.append(known or run_task(one, folds, name))
+            before = None if known is None else known.score(one.name, name)
+            scores.append(before or run_task(one, folds, name))
     if not scores:
         raise MissingDataError("; ".join(f"{name}: {reason}" for name, reason in absent.items()))
-    return BenchmarkResult(tuple(scores), absent)
+    words = ["mckibben benchmark", *["--all"] * competitors]
+    words += [] if earlier is None or known is earlier else [f"--earlier {Path(earlier).name}"]
+    words += [*(f"--task {one}" for one in tasks), *(f"--model {one}" for one in models)]
+    return BenchmarkResult(tuple(scores), absent, " ".join(words))
 
 
 def stages(models: Iterable[str] = (), tasks: Iterable[str] = (), *, competitors: bool = False) -> int:

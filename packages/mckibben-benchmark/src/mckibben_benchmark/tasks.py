@@ -13,10 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mckibben.answers import Answer, Column, Table
+from mckibben.documents import JsonValue
 from mckibben.errors import InputError
 from mckibben.quantities import to_si
 from mckibben.recordings import ForceMap, read_force_map
 from mckibben.specimens import specimen
+from mckibben.verbs import verb
 
 from . import datasets
 from .datasets import FILLING, VENTING, BenchmarkData, BenchmarkRecord, DataSplit
@@ -478,3 +481,27 @@ def task(name: str) -> BenchmarkTask:
     if name not in TASKS:
         raise InputError("task", name, known=TASKS)
     return TASKS[name]
+
+
+@dataclass(frozen=True)
+class TaskList(Answer):
+    """The tasks of the benchmark: what `list_tasks` lists."""
+
+    tasks: tuple[BenchmarkTask, ...]
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Name and what is predicted from what, task by task."""
+        fields = ("name", "title", "predicts", "split", "ships", "note")
+        return {"tasks": [{name: getattr(one, name) for name in fields} for one in self.tasks]}
+
+    def tables(self) -> list[Table]:
+        """A row for each task."""
+        rows = [vars(one) | {"data": "ships" if one.ships else "does not ship"} for one in self.tasks]
+        columns = (Column("name", "task"), Column("predicts", "predicted"), Column("split", "left out"), Column("data"))
+        return [Table("Tasks of the benchmark", columns, rows)]
+
+
+@verb
+def list_tasks() -> TaskList:
+    """List the tasks of the benchmark."""
+    return TaskList(tuple(TASKS.values()))

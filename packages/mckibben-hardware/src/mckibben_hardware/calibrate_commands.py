@@ -64,7 +64,7 @@ def _session(name: str, example: str) -> VerbCommand:
         pairs={"changes": FAULT},
         writes={"calibration": lambda answer, path: answer.save(path)},
         around=_person,
-        from_files=lambda files: {"file": files.first("calibration")},
+        from_files=lambda given, files: {"file": files.first("calibration")},
         note="Entries of other channels of a calibration are kept.",
     )
 

@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 
 from mckibben.bench import hardware, rig_file, segment
+from mckibben.bench.prepare import prepare
 from mckibben.cli._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Paths, write_recording
 from mckibben.cli._progress import progress
-from mckibben.cli._terminal import Json, Muscle, NoiseSeed, Plumbing, RigName, print_json, table
-from mckibben.cli.run import Change, On, ProtocolName, prepared
+from mckibben.cli._reading import Change, Muscle, NoiseSeed, On, Plumbing, ProtocolName, RigName
+from mckibben.cli._terminal import CHANGE, Json, pairs, print_json, table
 from mckibben.documents import write_text
 from mckibben.errors import InputError, LineLostError
 from mckibben.quantities import parse
@@ -51,7 +52,11 @@ def serve(
         )
     if port is not None and (not port.name or port.is_dir() or not port.absolute().parent.is_dir()):
         raise InputError("--out", str(port), "must be a file in a folder that is there")
-    bench = prepared(protocol, muscle, rig, change, None, plumbing=plumbing, seed=seed)
+    try:
+        changes = pairs(change, "--set", CHANGE)
+        bench = prepare(protocol, muscle=muscle, rig=rig, changes=changes, plumbing=plumbing, seed=seed)
+    except InputError as error:
+        raise error.changed(field=error.field.replace("changes.", "--set ")) from None
     part = next(bench.segments())
     machine = segment.SegmentMachine(bench, 0, part, segment.timing_of(bench)).at_interface()
     out, converters = bench.rig.motor_out, bench.rig.converters(part.start_span)

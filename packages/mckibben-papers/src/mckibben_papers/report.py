@@ -7,9 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
-from mckibben.errors import InputError
+from mckibben.answers import Answer, Column, Table
+from mckibben.documents import JsonValue
+from mckibben.errors import InputError, not_found
 from mckibben.report.blocks import (
     Block,
     Figure,
@@ -34,6 +39,8 @@ from mckibben.report.blocks import (
     versions_text,
 )
 from mckibben.report.document import Document
+from mckibben.report.figures import style
+from mckibben.verbs import ParameterType, verb
 
 from .figures import CONFERENCE, FIGURES, JOURNAL, PaperFigure
 from .rows import (
@@ -48,6 +55,8 @@ from .rows import (
     kind_of,
     percent,
     relative_difference,
+    relative_tolerance,
+    select,
     tallies,
 )
 
@@ -108,15 +117,16 @@ def chosen_figures(
         for word in ids:
             panels = {k: f for k, f in known.items() if k == word or re.fullmatch(re.escape(word) + "[a-z]", k)}
             if not panels:
-                raise InputError("--figure", word, known=known)
+                raise InputError("figures", word, known=known)
             named |= panels
         figures = [*named.values()]
         elsewhere = [f.id for f in figures if part not in (None, f.part)]
         if elsewhere:
-            raise InputError("--figure", ", ".join(elsewhere), f"not in part {part}")
+            raise InputError("figures", ", ".join(elsewhere), f"not in part {part}")
         left = [f.id for f in figures if f.recordings and not recordings]
         if left:
-            raise InputError("--figure", ", ".join(left), "drawn of recordings, which --no-recordings leaves out")
+            problem = "drawn of recordings, which {recordings=False} leaves out"
+            raise InputError("figures", ", ".join(left), problem)
     elif rows:
         figures = [f for f in figures if any(a.startswith(b) for a in f.rows for b in rows)]
     return [f for f in figures if (part is None or f.part == part) and (recordings or not f.recordings)]
@@ -309,3 +319,195 @@ def _named(figure: PaperFigure) -> str:
 
 def _anchor(kind: str, name: str) -> str:
     return f"{kind}-" + re.sub(r"[^A-Za-z0-9]+", "-", name)
+
+
+# ---- the question
+
+
+Chapter = Annotated[str, ParameterType("CHAPTER")]
+RowName = Annotated[str, ParameterType("ROW")]
+FigureName = Annotated[str, ParameterType("FIGURE")]
+FigureFormat = Annotated[str, ParameterType("FORMAT")]
+RecordingFolder = Annotated[Any, ParameterType("FOLDER")]
+REPORTS = ("reproduction.html", "reproduction.pdf")  # what is written into a folder
+
+
+@dataclass(frozen=True)
+class Reproduction(Answer):
+    """Printed and computed values with their verdicts, and figures: what `reproduce_papers` computes.
+
+    Attributes:
+        outcomes: judged rows.
+        drawn: figures.
+        figures_only: whether a folder gets the figures, not the reports.
+        figure_format: of these figures.
+        pdf: whether a folder gets the report as PDF too.
+        left_out: sentence about rows that were left out.
+        saved: folder of the recordings behind the rows.
+    """
+
+    outcomes: tuple[RowOutcome, ...]
+    drawn: tuple[Drawn, ...] = ()
+    figures_only: bool = False
+    figure_format: str = "svg"
+    pdf: bool = True
+    left_out: str = ""
+    saved: str | None = None
+
+    def rows(self) -> list[dict[str, JsonValue]]:
+        """A row for each printed number, predictions first."""
+        return [_as_json(one) for one in predictions_first(self.outcomes)]
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Headline, how many numbers are of each kind, and the rows."""
+        kinds = {t.kind.key: {"rows": t.rows, "lowest": t.lowest, "highest": t.highest} for t in tallies(self.outcomes)}
+        failed = sum(one.ok is False for one in self.outcomes)
+        return {"headline": headline(self.outcomes), "kinds": kinds, "failed": failed, "rows": self.rows()}
+
+    def tables(self) -> list[Table]:
+        """A table for each part of the papers, with the reasons below each row."""
+        columns = tuple(Column(key, right=key in ("paper", "ours", "difference")) for key in COLUMNS)
+        parts: dict[str, list[dict[str, Any]]] = {}
+        for one in predictions_first(self.outcomes):
+            ours = "–" if one.ours is None else significant(one.ours)
+            unit = "" if one.row.unit == "-" else one.row.unit
+            cells = one.row.id, printed(one.row.paper), ours, unit, difference(one.row, one.ours), one.verdict
+            parts.setdefault(title_of(one.row), []).append(
+                dict(zip((*COLUMNS, "note"), (*cells, one.note), strict=True))
+            )
+        return [Table(title, columns, rows, below="note") for title, rows in parts.items()]
+
+    def remarks(self) -> list[str]:
+        """The verdict in a sentence, and where the recordings are."""
+        saved = [] if self.saved is None else [f"Written: {self.saved}"]
+        return [*saved, headline(self.outcomes) if self.outcomes else "No row is asked for."]
+
+    def failure(self) -> str | None:
+        """Empty where a number is not reproduced, which the tables say."""
+        return "" if any(one.ok is False for one in self.outcomes) else None
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report to an ``.html`` or ``.pdf`` file; returns its path."""
+        return reproduction_report(self.outcomes, self.drawn, left_out=self.left_out).write(path)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write both reports, or the figures that were named, into a folder; returns their paths."""
+        place = Path(folder)
+        place.mkdir(exist_ok=True)
+        if not self.figures_only:
+            return [self.report(place / name) for name in REPORTS if self.pdf or not name.endswith(".pdf")]
+        paths = [place / f"figure-{one.of.id}.{self.figure_format}" for one in self.drawn]
+        for one, path in zip(self.drawn, paths, strict=True):
+            style.save(one.picture, path)
+        return paths
+
+
+COLUMNS = ("row", "paper", "ours", "unit", "difference", "verdict")
+
+
+def _as_json(o: RowOutcome) -> dict[str, JsonValue]:
+    return {
+        "id": o.row.id,
+        "paper": o.row.paper,
+        "ours": o.ours,
+        "unit": o.row.unit,
+        "expect": o.row.expect,
+        "ok": o.ok,
+        "basis": o.row.basis,
+        "inputs": o.row.inputs,
+        "calibrated": o.row.calibrated,
+        "verdict": o.verdict,
+        "kind": kind_of(o).key,
+        "difference": relative_difference(o.row, o.ours),
+        "tolerance": relative_tolerance(o.row),
+        "reason": o.row.reason,
+        "told": None if o.prediction is None else o.prediction.told,
+        "spread": None if o.prediction is None else o.prediction.spread,
+        "rows": 0 if o.prediction is None else len(o.prediction.by),
+        "sensitivities": "" if o.prediction is None else o.prediction.inputs_text(o.row),
+        "needed": "" if o.prediction is None or o.prediction.needed is None else str(o.prediction.needed),
+        "note": o.note,
+    }
+
+
+@verb
+def reproduce_papers(
+    *,
+    part: Chapter | None = None,
+    rows: Sequence[RowName] | None = None,
+    figures: Sequence[FigureName] | None = None,
+    figure_format: FigureFormat = "svg",
+    pdf: bool = True,
+    recordings: bool = True,
+    save_recordings: RecordingFolder | None = None,
+    draws: bool | None = None,
+    begun: Callable[[int], AbstractContextManager[Callable[[str, float], None]]] | None = None,
+) -> Reproduction:
+    """Compute the papers' numbers and report whether each value is reproduced.
+
+    Predictions come first: inputs that are not printed are inferred from all other rows, and the one left out is predicted,
+    with its sensitivity to each. Where it differs it is open, with the input that would have to change and by how much.
+    Other numbers follow from printed coefficients by the paper's own equations.
+
+    A value of these that is not reproduced, or one that lies outside what we take the papers' words to mean, is a failure,
+    exit code 1. Rows of loops, friction, steps and power come from recordings of the simulated machine, which take minutes.
+
+    Args:
+        part: compute only this part: I, II, III, IV or discussion.
+        rows: compute only rows whose name begins like this, such as table1.nylon.
+        figures: compute only this figure and its rows, such as 3a, and draw it.
+        figure_format: format of figures in a folder: svg, pdf or png.
+        pdf: write the PDF report beside the HTML one into a folder.
+        recordings: compute rows that need recordings of the test machine, which take minutes.
+        save_recordings: folder into which the recordings behind the rows are written (.nc).
+        draws: whether figures are drawn for a report; by default where they are named.
+        begun: told how many rows and figures there are; its context is told what is done now, and how many of them are done.
+
+    Raises:
+        InputError: there is no such part, row or figure, or the folder is a file.
+    """
+    from . import reproduction  # it computes
+
+    # Whatever can be refused is refused before anything is loaded or computed, which takes minutes.
+    select(part, None if rows is None else [*rows])
+    if figure_format not in FORMATS:
+        raise InputError("figure_format", figure_format, known=FORMATS)
+    if save_recordings is not None:
+        if not recordings:
+            raise InputError("save_recordings", None, "is allowed only without {recordings=False}")
+        place = Path(save_recordings)
+        if not str(save_recordings).strip() or (place.exists() and not place.is_dir()):
+            raise InputError("save_recordings", str(place), "must be a folder")
+        if not place.absolute().parent.is_dir():
+            raise not_found(place.absolute().parent, "folder")
+    pictures = []
+    if figures or draws:
+        pictures = chosen_figures(figures, part=part, rows=rows, recordings=recordings)
+    # None stands for all rows, an empty list for none
+    wanted = None if rows is None else [*rows]
+    if figures:
+        wanted = [*(rows or ()), *dict.fromkeys(row for one in pictures for row in one.rows)]
+    asked = [] if wanted == [] else select(part, wanted)
+    outcomes: list[RowOutcome] = []
+    with (
+        reproduction.helped([row.id for row in asked] if recordings else []),
+        (begun or _untold)(len(asked) + len(pictures)) as tell,
+    ):
+        if asked:
+            outcomes = reproduction.reproduce(
+                part, wanted, progress=lambda row: tell(row.id, 1.0), tell=lambda words: tell(words, 0.0),
+                recordings=recordings, save=save_recordings,
+            )  # fmt: skip
+        with reproduction.told(lambda words: tell(words, 0.0)):
+            drawn = draw(pictures, lambda one: tell(f"figure {one.id}: {one.title}", 1.0))
+    saved = None if save_recordings is None else str(save_recordings)
+    left_out = "" if recordings else LEFT_OUT
+    return Reproduction(tuple(outcomes), tuple(drawn), bool(figures), figure_format, pdf, left_out, saved)
+
+
+FORMATS = ("svg", "pdf", "png")
+
+
+@contextmanager
+def _untold(count: int) -> Iterator[Callable[[str, float], None]]:
+    yield lambda words, done: None

@@ -16,10 +16,10 @@ from ...documents import JsonValue
 from ...errors import InputError, UnreachableError
 from ...extras import library
 from ...muscles.build import at_rest_length, changed_parameters
-from ...muscles.build import muscle as built_muscle
 from ...muscles.evidence import interval_words, law_cautions, law_error
 from ...muscles.law import law_name
 from ...muscles.muscle import Muscle
+from ...muscles.muscle import muscle as built_muscle
 from ...muscles.plausible import free_length_caution, length_caution, pressure_caution, usual_pressure
 from ...quantities import values, with_unit
 from ...specimens import Specimen, muscle_specimen

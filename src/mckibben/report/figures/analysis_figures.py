@@ -227,15 +227,12 @@ def loops_of_sweep(
     loops = []
     for i, code in enumerate(results.code):
         if code == 0:
-            value = ", ".join(_value(variants.columns[p][i], units[p]) for p in paths)
+            row = [(variants.columns[p][i], units[p] or "1") for p in paths]
+            value = ", ".join(with_unit(v, unit) if isinstance(v, float) else str(v) for v, unit in row)
             loops.append(SweptLoop(value, results.outputs[across][i], results.outputs[channel][i]))
     probe = Recording(np.zeros(2), {across: Channel(np.zeros(2), "m"), channel: Channel(np.zeros(2), "N")})
     x, y = _panels(probe, across, channel)
     return loops, x, y
-
-
-def _value(value: object, unit: str) -> str:
-    return with_unit(value, unit or "1") if isinstance(value, float) else str(value)
 
 
 MARGIN, BASE, HEAD, BETWEEN = 0.62, 0.5, 0.8, 0.5  # around and between the axes [inch]

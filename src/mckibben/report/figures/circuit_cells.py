@@ -156,8 +156,9 @@ def main_values(element: Module) -> list[str]:
         return [f"{reading(known['length'], 'm')} × {reading(bore, 'm')}"]
     if "area" in known and bore is not None:
         return [f"bore {reading(bore, 'm')}"]
-    passages = [getattr(element, f.name) for f in dataclasses.fields(element)]
-    sizes = dict.fromkeys(_conductance(p) for p in passages if isinstance(p, Orifice))
+    parts = [getattr(element, f.name) for f in dataclasses.fields(element)]
+    flows = (reading(float(p.conductance), "m^3/(s*Pa)") for p in parts if isinstance(p, Orifice))
+    sizes = dict.fromkeys(text.split("\N{NO-BREAK SPACE}")[0] for text in flows)
     values = [f"C\N{NO-BREAK SPACE}{' / '.join(sizes)}\N{NO-BREAK SPACE}L/(min\N{NO-BREAK SPACE}bar)"] if sizes else []
     if "set_pressure" in known:
         return [f"set to {reading(known['set_pressure'], 'Pa')}", *values]
@@ -169,10 +170,6 @@ def main_values(element: Module) -> list[str]:
             symbol = _MORE_GREEK.get(q.symbol) or symbol_text(q.symbol, name.replace("_", " "))
             values.append(f"{symbol}\N{NO-BREAK SPACE}{reading(known[name], q.unit)}")
     return values[:MOST]
-
-
-def _conductance(passage: Orifice) -> str:
-    return reading(float(passage.conductance), "m^3/(s*Pa)").split("\N{NO-BREAK SPACE}")[0]
 
 
 def reading(value: float, unit: str) -> str:

@@ -29,8 +29,9 @@ from ...estimation import NORMAL_QUANTILE, Estimate, descend, uncertainty
 from ...identification.between import NewMuscle, TensionReading
 from ...identification.calibration import calibrate_muscle
 from ...muscles import Muscle
-from ...muscles.build import build_law, built_muscle
+from ...muscles.build import build_law
 from ...muscles.elements import Tendon
+from ...muscles.muscle import built_muscle
 from ...quantities import in_si, with_unit
 from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen, save_specimen

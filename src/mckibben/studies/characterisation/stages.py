@@ -254,10 +254,6 @@ def _above(tension: float, known: Progression) -> str:
     return f"tension >= {tension + known.zero!r} N"
 
 
-def _below(tension: float, known: Progression) -> str:
-    return f"tension <= {tension + known.zero!r} N for 30 ms"
-
-
 def _seat(bounds: Bounds, known: Progression) -> list[str]:
     rest = bounds.rest_length
     longest = 1.02 * rest
@@ -330,7 +326,12 @@ def _loop(name: str, pressure: float, bounds: Bounds, known: Progression) -> lis
     return [
         _step(f"approach {name}", span=(rest, _taken(1.5)), pressure=(pressure, 1.5), hold=1.5),
         _step(f"settle {name}", hold=1.5),
-        _step(f"shorten {name}", span=(bounds.shortest, _at(speed)), hold=time, until=_below(known.slack, known)),
+        _step(
+            f"shorten {name}",
+            span=(bounds.shortest, _at(speed)),
+            hold=time,
+            until=f"tension <= {known.slack + known.zero!r} N for 30 ms",
+        ),
         _step(
             f"lengthen {name}", span=(rest, _taken(time)), hold=time, until=_above(bounds.tension / MARGIN**0.5, known)
         ),

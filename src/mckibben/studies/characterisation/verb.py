@@ -7,16 +7,18 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from ...accessors import implementation
+from ...answers import Answer, Caution, Column, Table, collect, estimates, named
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
+from ...bench.hardware.backends import check_connection, connected
 from ...bench.hardware.interface import Hardware
 from ...bench.prepare import PreparedRun, prepare, prepare_on_machine
 from ...bench.rig import Rig
@@ -24,7 +26,6 @@ from ...bench.rig_file import rig as rig_of
 from ...bench.session import Session
 from ...bench.session.interface import session_rate
 from ...documents import JsonValue, parse_json, read_text, write_text
-from ...engine import STEP
 from ...errors import EmptyRunError, InputError, StageError
 from ...experiments.protocol import Protocol
 from ...identification.ranking import assumptions, known_in_si
@@ -36,20 +37,36 @@ from ...quantities import in_si, named_values, with_unit
 from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from .evaluation import GAIN_ERROR, MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
+from ...verbs import (
+    Force,
+    LawName,
+    Length,
+    MachineName,
+    MuscleName,
+    ParameterType,
+    PlumbingName,
+    Pressure,
+    ResultFolder,
+    RigName,
+    Seed,
+    Share,
+    Stiffness,
+    verb,
+)
+from .evaluation import MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
 from .stages import ISOBARS, LENGTH_ERROR, OTHER_STAGES, STAGES, Bounds, Progression, planned, protocol_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ...estimation import Estimate
 
 SETTINGS = "characterisation.json"  # in the folder: what its recordings were made with
+REPORT = "report.html"  # in the folder
 POINTS = "points.csv"  # in the folder: points of the map, without friction and relaxation
 CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle"}  # settings that are digests, and what of
 LESS = 0.7  # of the largest tension, to be asked for where the rig's interlock has stopped a stage
 LEAST_TOE = 1e-6  # stretch over which a cord of a stated stiffness gets stiff [m]
 SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
+Sizes = Annotated[Any, ParameterType("NAME=VALUE")]  # by name, numbers [SI] or text
 Progress = Callable[[float, float, str], None]  # machine time done and planned [s], and the stage
 
 
@@ -63,7 +80,7 @@ class StageRecord:
 
 
 @dataclass(frozen=True, repr=False)
-class Characterisation:
+class Characterisation(Answer):
     """A muscle that was characterised on a rig.
 
     Attributes:
@@ -73,6 +90,8 @@ class Characterisation:
         evaluation: points, fits and held-out errors.
         specimen: law, friction, relaxation and leak, with their intervals.
         records: recordings of the stages.
+        cautions: what must be known before the specimen is used.
+        folder: of recordings, report and specimen; None where nothing was written.
 
     Examples:
         >>> import mckibben as mk
@@ -86,6 +105,8 @@ class Characterisation:
     evaluation: Evaluation
     specimen: Specimen
     records: dict[str, Recording]
+    cautions: tuple[Caution, ...] = ()
+    folder: Path | None = None
 
     def __repr__(self) -> str:
         state = "passed" if self.passed else "failed"
@@ -119,23 +140,6 @@ class Characterisation:
         return float(pressure.min()), float(pressure.max())
 
     @property
-    def knows_volume(self) -> bool:
-        """Whether the fitted law has a volume, which commands that fill the muscle with air need."""
-        return bool(self.evaluation.fits[0].build().has_volume())
-
-    @property
-    def cautions(self) -> list[str]:
-        """What must be known before the specimen is used; ``{known}`` stands for how the caller names that argument."""
-        found = self.evaluation
-        said = [*found.fits[0].warnings, *(f"friction: {warning}" for warning in found.friction.warnings)]
-        if not self.knows_volume:
-            said.append(
-                "these tensions are those of no ideal braid, so that the volume is not known, which commands that fill the "
-                f"muscle need; measure it, and state rest_volume under laws.{self.law} in the specimen's file"
-            )
-        return list(dict.fromkeys((*said, *assumptions([found.fits[0]]))))
-
-    @property
     def tells_gain(self) -> bool:
         """Whether the loop that was measured again tells a gain that drifts: not where what relaxes hides it."""
         change = self.evaluation.gain_change
@@ -167,16 +171,15 @@ class Characterisation:
             )
         return "", ""
 
-    @property
-    def failure(self) -> str:
-        """Why the specimen should not be used, naming the stage; empty if nothing speaks against it."""
+    def failure(self) -> str | None:
+        """Why the specimen should not be used, naming the stage; None if nothing speaks against it."""
         stage, problem = self.failed_stage
-        return f"stage {stage}: {problem}" if stage else ""
+        return str(StageError(stage, problem)) if stage else None
 
     @property
     def passed(self) -> bool:
         """Whether the held-out points were predicted."""
-        return not self.failure
+        return self.failure() is None
 
     def tension_interval(self, length: float, pressure: float) -> tuple[float, float]:
         """95 % interval of the static tension at a length of the muscle itself, between its clamps [N].
@@ -208,7 +211,7 @@ class Characterisation:
             "rig": self.rig,
             "law": self.law,
             "passed": self.passed,
-            "failure": self.failure,
+            "failure": self.failure() or "",
             "rest_length": self.bounds.rest_length,
             "largest_tension": found.largest,
             "tension_interval": found.half_width,
@@ -223,10 +226,42 @@ class Characterisation:
             "held_out": [dataclasses.asdict(p) for p in found.held_out],
             "laws": {f.law: f.rmse for f in found.fits},
             "assumed": found.fits[0].assumed,
-            "cautions": [said.replace("{known}", "known") for said in self.cautions],
+            "cautions": [named(one.text) for one in self.cautions],
             "cord": None if self.bounds.cord is None else float(self.bounds.cord.stiffness),
             "points": len(found.points),
         }
+
+    def tables(self) -> list[Table]:
+        """Parameters with their intervals."""
+        return [estimates(f"Characterised by the law {self.law}", self.estimates)]
+
+    def remarks(self) -> list[str]:
+        """How well the held-out points were predicted, where the map lies, what drifted, and what lengths mean."""
+        found = self.evaluation
+        largest = with_unit(found.largest, "N", 3)
+        lowest, highest = (with_unit(p, "Pa", 3) for p in self.measured_pressures)
+        shortest, longest = (with_unit(end, "m", 3) for end in found.lengths)
+        said = [
+            f"{len(found.held_out)} held-out points: {100.0 * self.held_out_error:.2g} % rms of the largest tension, "
+            f"{largest}; a predicted tension is known to {found.half_width:.2g} N (95 %).",
+            f"The map is of {lowest} to {highest} and {shortest} to {longest}; beyond it the law alone answers.",
+        ]
+        change = found.gain_change
+        if np.isfinite(change.value):
+            half = 100.0 * (change.high - change.value)
+            hidden = ", which is too uncertain to tell a gain that drifts: the muscle relaxes too much"
+            changed = f"One loop, measured again at the end, has changed by {100.0 * change.value:+.2f} +- {half:.2f} %"
+            said.append(f"{changed}{'' if self.tells_gain else hidden}.")
+        (short, long), cord = (with_unit(by, "m", 2) for by in found.clamp), self.bounds.cord
+        beside = f"which may be {short} to {long} longer than the vented muscle itself"
+        if cord is None:
+            beside += ", and under tension by what cord and clamps stretch, too, which counts as the muscle's"
+        else:
+            beside = f"less what cord and frame stretch, {with_unit(float(cord.stiffness), 'N/m', 3)}, {beside}"
+        said.append(f"Lengths are spans of the rig, {beside}.")
+        said.append(f"{self.seconds / 60.0:.1f} min of machine time.")
+        written = [] if self.folder is None else [REPORT, *[f"{self.specimen.id}.toml"] * self.passed]
+        return said + [f"Written: {self.folder}{os.sep}{name}" for name in written]
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with tables and figures to an ``.html`` or ``.pdf`` file; returns its path."""
@@ -241,7 +276,7 @@ class Characterisation:
 
 
 @dataclass(frozen=True)
-class CharacterisationPlan:
+class CharacterisationPlan(Answer):
     """What will be done: bounds, and the longest time of every stage by name [s]."""
 
     bounds: Bounds
@@ -251,6 +286,28 @@ class CharacterisationPlan:
     def total(self) -> float:
         """Machine time at most [s]."""
         return sum(self.seconds.values())
+
+    def to_dict(self) -> dict[str, JsonValue]:
+        """Times and bounds [SI]."""
+        return {
+            "stages": self.seconds,
+            "machine_time": self.total,
+            "rest_length": self.bounds.rest_length,
+            "max_pressure": self.bounds.pressure,
+            "max_tension": self.bounds.tension,
+        }
+
+    def tables(self) -> list[Table]:
+        """The stages and their times."""
+        rows = [{"stage": name, "does": STAGES[name], "seconds": time} for name, time in self.seconds.items()]
+        columns = Column("stage", ""), Column("does", ""), Column("seconds", "at most", "s", "s", ".0f", beside=True)
+        return [Table("Stages", columns, rows)]
+
+    def remarks(self) -> list[str]:
+        """The whole time, the bounds, and what is not tested."""
+        highest, largest = with_unit(self.bounds.pressure, "Pa", 3), with_unit(self.bounds.tension, "N", 3)
+        shut = "" if self.bounds.shut_off else " There is no shut-off valve, so leaks are not tested."
+        return [f"At most {self.total / 60.0:.1f} min of machine time, {highest} and {largest}.{shut}"]
 
 
 def plan(
@@ -281,55 +338,62 @@ def plan(
     return CharacterisationPlan(bounds, times)
 
 
+@verb
 def characterise(
-    rig: Rig | str | os.PathLike[str] = "modern",
+    rig: RigName = "modern",
     *,
-    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
-    rest_length: float | str | None = None,
-    plumbing: str | None = None,
-    max_pressure: float | str | None = None,
-    max_tension: float | str | None = None,
-    rest_length_error: float = LENGTH_ERROR,
-    cord: float | str | None = None,
-    known: Mapping[str, float | str] | None = None,
-    laws: Sequence[str] | None = None,
-    gain_error: float = GAIN_ERROR,
+    muscle: MuscleName | None = None,
+    laws: Sequence[LawName] | None = None,
+    rest_length: Length | None = None,
+    rest_length_error: Share = "1 %",
+    plumbing: PlumbingName | None = None,
+    max_pressure: Pressure | None = None,
+    max_tension: Force | None = None,
+    cord: Stiffness | None = None,
+    known: Sizes | None = None,
+    gain_error: Share = "0.2 %",
+    seed: Seed = 0,
+    machine: MachineName | None = None,
+    lock_step: bool = False,
+    out: ResultFolder | None = None,
     name: str = "characterised",
-    out: str | os.PathLike[str] | None = None,
     hardware: Hardware | None = None,
-    seed: int = 0,
-    step: float = STEP,
+    step: float = 5e-5,
     progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
+    begun: Callable[[CharacterisationPlan], contextlib.AbstractContextManager[object]] | None = None,
 ) -> Characterisation:
-    """Characterise an unknown muscle on a rig: force map, friction, relaxation and leak, with intervals.
+    """Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.
 
     Stages are run one after the other: slack and seat, leak, pressure ramp, loops at constant pressures, a stretch with a
     hold, and held-out points; then law, friction and relaxation are fitted. Of a simulated muscle nothing is known but what
-    the sensors of the rig read.
+    the sensors of the rig read. A stage that fails, or held-out points that are not predicted, refuse the specimen (exit
+    code 1); an interrupt vents, and keeps the stages so far.
 
     Args:
-        rig: a rig, its name or file; it has a motor, a load cell and a pressure sensor.
-        muscle: muscle of a simulated rig; None on a real machine.
-        rest_length: length of the vented muscle as measured at it, between its clamps, which is also the span at which it is
-            mounted, as text or [m]; that of a simulated muscle by default.
-        plumbing: how the pneumatic parts are joined; one with a shut-off valve by default, if there is one.
-        max_pressure: highest gauge pressure, as text or [Pa]; what the rig bears by default.
-        max_tension: largest tension, as text or [N]; what the rig bears by default.
-        rest_length_error: largest error of that measurement, a share; a muscle that gets taut elsewhere is refused.
-        cord: stiffness of what holds the muscle, cord and frame in series, as text or [N/m]; of a simulated rig by default
-            what holds the muscle there. Lengths are then those of the muscle itself; without it they are spans of the rig.
-        known: parameters of laws that are not fitted, by name, such as ``{"wall_thickness": "0.5 mm"}``, as text or [SI]:
-            sizes that no tension tells, which stay at those of a usual muscle otherwise.
-        laws: laws that are fitted; all by default.
-        gain_error: standard uncertainty of the gains of load cell and pressure sensor, a share.
+        rig: rig of the test machine: paper, modern, or a .toml file; it has a motor, a load cell and a pressure sensor.
+        muscle: muscle of the simulated rig: id or .toml file; none on a real machine.
+        laws: law to fit; all laws by default.
+        rest_length: length of the vented muscle between its clamps, where it is mounted, as '300 mm'; needed on a real
+            machine.
+        rest_length_error: largest error of the rest length, such as '0.5 %'; a muscle that gets taut elsewhere is refused.
+        plumbing: plumbing that joins the rig's pneumatic parts; one with a shut-off valve by default, if there is one.
+        max_pressure: highest gauge pressure, such as '5 bar'; what the rig bears by default.
+        max_tension: largest tension, such as '200 N'; what the rig bears by default.
+        cord: stiffness of cord and frame in series, such as '100 N/mm', by which spans are longer than the muscle; that of a
+            simulated rig by default, of a machine none.
+        known: parameter that is not fitted, such as wall_thickness='0.5 mm': a size that no tension tells.
+        gain_error: standard uncertainty of the gains of load cell and pressure sensor, such as '0.5 %', for the intervals.
+        seed: random seed for sensor noise; equal seeds give equal recordings.
+        machine: run on a real machine: serial:/dev/ttyACM0, or daq (wired as the rig file says).
+        lock_step: let a simulated device wait for every command instead of following its own clock.
+        out: folder of recordings, report and specimen; the same question resumes from it.
         name: id of the specimen.
-        out: folder of the recordings. Stages whose recording is there already are not run again.
-        hardware: a real machine, with the muscle mounted at the rest length; it stays open.
-        seed: of the simulated sensors' noise.
+        hardware: a real machine that is open already, with the muscle mounted at the rest length; it stays open.
         step: largest step of the simulated physics [s].
         progress: told the machine time done and planned [s], and the stage.
         stop: asked whether to end; the machine is vented then.
+        begun: told what is planned, before anything moves; its context is open while the machine moves.
 
     Raises:
         InputError: an argument is out of its range, or the folder has recordings of another characterisation.
@@ -341,14 +405,18 @@ def characterise(
         Traceback (most recent call last):
         mckibben.errors.InputError: max_pressure must be above 0 and at most 9 bar, got 12 bar
     """
+    if lock_step and machine is None:
+        raise InputError("lock_step", None, "is allowed only with {machine}, for a simulated device")
+    check_connection(machine)
+    if (muscle is None) == (hardware is None and machine is None):
+        problem = "is missing: the muscle of the simulated rig" if muscle is None else "is of a simulated rig"
+        raise InputError("muscle", None, problem)
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     for law in laws or ():
         law_type(law)
-    if not 0.0 <= gain_error <= 0.2:
-        raise InputError("gain_error", gain_error, "must be between 0 and 20 %, as a share")
-    if (muscle is None) == (hardware is None):
-        problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
-        raise InputError("muscle", None, problem)
+    gain = float(gain_error)
+    if not 0.0 <= gain <= 0.2:
+        raise InputError("gain_error", gain_error, "must be between 0 and 20 %")
     sizes = known_in_si(named_values(known or {}, "known"), laws)
     if "rest_length" in sizes:
         raise InputError("known.rest_length", None, "is stated as rest_length")
@@ -363,14 +431,19 @@ def characterise(
         plumbing=plumbing,
         max_pressure=max_pressure,
         max_tension=max_tension,
-        rest_length_error=rest_length_error,
+        rest_length_error=float(rest_length_error),
     )
     bounds, layout = intended.bounds, _layout(on, plumbing)
     bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
     folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
     so_far, records, done = Progression(), {}, []
     passed = 0.0
-    with _machine(on, layout, unit, bounds, hardware, seed, step) as machine:
+    # the plan is told before a machine is opened, and Ctrl-C is heard until it has vented
+    with (
+        contextlib.nullcontext() if begun is None else begun(intended),
+        connected(machine, on, 1.0 / session_rate(on), lock_step=lock_step) as opened,
+        _machine(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
+    ):
         for stage in bounds.stages:
             place = None if folder is None else place_of(folder, stage)
             resumed = place is not None and place.exists()
@@ -382,7 +455,7 @@ def characterise(
                     if progress is not None:
                         progress(before + time, intended.total, stage)
 
-                record = machine.run(stage, protocol_of(stage, bounds, so_far), tell, stop)
+                record = sampled.run(stage, protocol_of(stage, bounds, so_far), tell, stop)
             try:
                 _check(stage, record, on, bounds)
                 so_far = advance(stage, record, bounds, so_far)
@@ -398,9 +471,9 @@ def characterise(
             done.append(StageRecord(stage, seconds, resumed))
             passed += intended.seconds[stage]
     chosen = None if laws is None else tuple(laws)
-    found = evaluate(records, bounds, so_far, laws=chosen, sizes=sizes, gain_error=gain_error, name=name)
+    found = evaluate(records, bounds, so_far, laws=chosen, sizes=sizes, gain_error=gain, name=name)
     spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
-    outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records)
+    outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records, _cautions(found), folder)
     if folder is not None:
         found.points.save(folder / POINTS)
         write_text(folder / "result.json", json.dumps(outcome.to_dict(), indent=1) + "\n", field="out")
@@ -408,7 +481,19 @@ def characterise(
             outcome.save(folder / f"{name}.toml")
         else:
             (folder / f"{name}.toml").unlink(missing_ok=True)
+        outcome.report(folder / REPORT)
     return outcome
+
+
+def _cautions(found: Evaluation) -> tuple[Caution, ...]:
+    best = found.fits[0]
+    said = [*best.warnings, *(f"friction: {warning}" for warning in found.friction.warnings)]
+    if not best.build().has_volume():
+        said.append(
+            "these tensions are those of no ideal braid, so that the volume is not known, which commands that fill the "
+            f"muscle need; measure it, and state rest_volume under laws.{best.law} in the specimen's file"
+        )
+    return collect(*map(Caution, said), *map(Caution, assumptions([best])))
 
 
 def _holder(rig: Rig, unit: MuscleUnit | None, cord: float | str | None) -> Tendon | None:
@@ -505,16 +590,6 @@ def _rest_of(muscle: str | Specimen | Muscle | MuscleUnit | None, unit: MuscleUn
     return rest_length_of(stated, unit.law)
 
 
-def rest_length_of_muscle(muscle: str | Specimen | Muscle | MuscleUnit) -> float:
-    """Span at which a muscle is mounted on a simulated rig [m]."""
-    return _rest_of(muscle, rig_unit(muscle))
-
-
-def rate_of(rig: Rig) -> float:
-    """Samples per second of the machine [1/s]."""
-    return session_rate(rig)
-
-
 def _title_of(muscle: str | Specimen | Muscle | MuscleUnit | None) -> str:
     if muscle is None:
         return "real"
@@ -527,7 +602,7 @@ def _title_of(muscle: str | Specimen | Muscle | MuscleUnit | None) -> str:
 def _layout(rig: Rig, plumbing: str | None) -> str:
     if plumbing is not None:
         if plumbing not in rig.plumbing:
-            raise InputError("plumbing", plumbing, known=list(rig.plumbing), where=rig.where)
+            raise InputError("plumbing", plumbing, known=list(rig.plumbing))
         return plumbing
     usable = [n for n, p in rig.plumbing.items() if p.has_muscle]
     return next((n for n in usable if rig.plumbing[n].shut_off is not None), usable[0])

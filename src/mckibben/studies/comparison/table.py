@@ -29,9 +29,10 @@ from ...assembly.muscle_unit import MuscleUnit
 from ...errors import InputError, NoVolumeError, choice
 from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
-from ...muscles.build import from_specimen, rest_length_of, upper_length_of
+from ...muscles.build import rest_length_of, upper_length_of
 from ...muscles.evidence import interval_words
 from ...muscles.law import law_name
+from ...muscles.muscle import from_specimen
 from ...quantities import from_si, with_unit
 from ...recordings import Recording, read_recording
 from ...specimens import Specimen, muscle_specimen

@@ -19,8 +19,8 @@ import numpy as np
 
 from ..._jax import Scalar, jnp
 from ...muscles import braid, sleeve
-from ...muscles.build import law_from_specimen
-from ...muscles.evidence import error_of, measured_rest_lengths
+from ...muscles.build import law_from_specimen, measured_rest_lengths
+from ...muscles.evidence import error_of
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.ideal import Ideal
 from ...muscles.laws.linear_threshold import LinearThreshold

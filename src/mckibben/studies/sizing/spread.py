@@ -21,7 +21,7 @@ from ...quantities import declared
 from ...specimens import Specimen, SpecimenNumber
 from ...specimens.parts import KINDS as PART_UNITS
 from ...specimens.parts import CataloguePart
-from .candidate import Candidate, Judged, LawAtPressure, LawEnds, air_of_cycle
+from .candidate import Judged, LawAtPressure, LawEnds, air_of_cycle
 from .requirements import Requirements
 
 # Whether a source lasts longer, and costs less, with more of a number.
@@ -60,7 +60,9 @@ def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Inferred
     """
     one = muscle.muscle
     ends = one.law_ends()
-    forces = [[_force(one, law, wish) for law in pair] for pair in ends.pairs.values()]
+    end = one.longest - wish.stroke
+    laws = ([LawAtPressure(law, wish.pressure) for law in pair] for pair in ends.pairs.values())
+    forces = [[float(law.added(end)) - one.friction for law in pair] for pair in laws]
     moved = [*ends.pairs]
     if one.friction_range is not None:
         forces.append([muscle.end_force + one.friction - friction for friction in one.friction_range])
@@ -76,10 +78,6 @@ def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Inferred
         tuple(moved),
         ends.without_range,
     )
-
-
-def _force(muscle: Candidate, law: TensionLaw, wish: Requirements) -> float:
-    return float(LawAtPressure(law, wish.pressure).added(muscle.longest - wish.stroke)) - muscle.friction
 
 
 def _summed(value: float, pairs: Iterable[Iterable[float]]) -> tuple[float, float]:

@@ -24,7 +24,8 @@ from ...experiments.dry_run import Limits, check_lengths
 from ...experiments.protocol import Protocol
 from ...experiments.read import parse_protocol, protocol_names, shipped
 from ...muscles import braid
-from ...muscles.build import built_muscle, rest_length_of, upper_length_of
+from ...muscles.build import rest_length_of, upper_length_of
+from ...muscles.muscle import built_muscle
 from ...quantities import with_unit
 from ...specimens import Specimen, specimen, specimen_ids, specimens
 from ..charts import plain_numbers

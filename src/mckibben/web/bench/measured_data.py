@@ -17,7 +17,7 @@ from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...formats.labels import quantity_of
 from ...formats.registry import part_options, parts_of
-from ...muscles.build import built_muscle
+from ...muscles.muscle import built_muscle
 from ...recordings import ForceMap, Recording, read
 from ...recordings.force_map import ALIASES
 from ...specimens import Specimen

@@ -18,7 +18,7 @@ from ....analysis.energy.cycles import SETTINGS
 from ....analysis.energy.working_cycles import LOSSES
 from ....documents import JsonValue
 from ....errors import InputError, MckibbenError, NoVolumeError
-from ....muscles.build import built_muscle
+from ....muscles.muscle import built_muscle
 from ....quantities import from_si, parse, shown_unit, with_unit
 from ....registry import plugins
 from ....report.figures import energy_figures

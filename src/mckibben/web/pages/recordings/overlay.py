@@ -18,7 +18,7 @@ from ....analysis.loops import loops
 from ....analysis.segments import segments as recorded_steps
 from ....analysis.segments import varied
 from ....errors import InputError, MckibbenError
-from ....muscles.build import built_muscle
+from ....muscles.muscle import built_muscle
 from ....quantities import from_si, parse
 from ....recordings import Note, Recording
 from ....recordings.provenance import told_apart
