@@ -30,8 +30,7 @@ from mckibben.studies.sizing import (
 )
 from mckibben.studies.sizing.as_files import circuit_of, specimen_of, toml_of
 from mckibben.studies.sizing.braid_law import INFERRED, braid_law
-from mckibben.studies.sizing.candidate import air_of_cycle
-from mckibben.studies.sizing.spread import _force
+from mckibben.studies.sizing.candidate import LawAtPressure, air_of_cycle
 
 WISH = Requirements(force=35.0, stroke=0.028, pressure=5e5, frequency=0.5, working_time=4 * 3600.0)
 NYLON = judged(of_specimen("nylon", WISH), WISH)
@@ -104,7 +103,9 @@ def test_the_range_of_an_answer_sums_what_each_inferred_number_moves():
     """The worst of them at once: none of them knows of the others."""
     spread = spread_of(BRAID, WISH)
     one, pairs = BRAID.muscle, BRAID.muscle.law_ends().pairs.values()
-    moves = [[_force(one, law, WISH) - BRAID.end_force for law in pair] for pair in pairs]
+    end = one.longest - WISH.stroke
+    laws = [[LawAtPressure(law, WISH.pressure) for law in pair] for pair in pairs]
+    moves = [[float(law.added(end)) - one.friction - BRAID.end_force for law in pair] for pair in laws]
     moves += [[one.friction - friction for friction in one.friction_range or (one.friction,)]]
     assert sum(min(move) < 0.0 for move in moves) > 1 and sum(max(move) > 0.0 for move in moves) > 1
     ends = [sum(pick(0.0, *move) for move in moves) for pick in (min, max)]
