@@ -1,13 +1,15 @@
 """A kernel as a JAX function: whatever JAX does with the function itself, it does with the kernel, to rounding."""
 
 import functools
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from lanewise import ArgumentError, LoweringError, differentiable
+from lanewise import ArgumentError, LoweringError, _in_xla, differentiable
 from lowered_systems import positions, rubbing
 
 SAMPLES, INNER = 40, 4
@@ -102,3 +104,18 @@ def test_a_run_of_one_is_called_by_xla_itself_with_the_bits_of_the_kernel():
     assert np.array_equal(forward(VALUES), predicted(kernel(), VALUES))  # that without jit is by a call of Python
     mapped = jax.jit(jax.vmap(lambda v: predicted(kernel(), v)))
     assert "callback" in mapped.lower(MANY).as_text()  # lanes are spread over threads there
+
+
+def test_threads_that_compile_the_same_call_at_once_do_not_hinder_each_other(monkeypatch):
+    made, usual = [], _in_xla._frame_reader
+
+    def slowly(*given):
+        made.append(given)
+        time.sleep(0.05)  # a moment in which all threads ask
+        return usual(*given)
+
+    monkeypatch.setattr(_in_xla, "_frame_reader", slowly)
+    own = differentiable(lambda v: jnp.sin(3.0 * v), VALUES, engine="native")  # that no other test has called
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: jax.jit(lambda v: own(v))(VALUES), range(4)))
+    assert len(made) == 1 and all(np.array_equal(one, found[0]) for one in found)

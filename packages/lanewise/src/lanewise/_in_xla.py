@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import re
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ store i32 0, ptr %major
 store i32 MINOR_VERSION, ptr %minor
 ret ptr null
 run:"""
+_registering = threading.Lock()
 _registered: dict[str, tuple[LoadedCode, Kernel]] = {}  # XLA goes on to call what it once was told
 
 
@@ -66,10 +68,11 @@ def foreign_call(program: Program, mode: str, begin: int, shapes: Sequence[Any],
     if kernel.scratch + 64 + sum(map(_bytes, (s.shape for s in hidden))) > LARGEST:
         return None
     name = "lanewise_" + cache_key(program.serialised, mode, begin)
-    if name not in _registered:
-        code = _frame_reader(kernel, places)
-        jax.ffi.register_ffi_target(name, _capsule()(code.address, None, None), platform="cpu")
-        _registered[name] = code, kernel
+    with _registering:  # a name that is registered again is refused
+        if name not in _registered:
+            code = _frame_reader(kernel, places)
+            jax.ffi.register_ffi_target(name, _capsule()(code.address, None, None), platform="cpu")
+            _registered[name] = code, kernel
     leaves: Sequence[Leaf] = program.arguments
     return jax.ffi.ffi_call(name, shapes)(*(x.reshape(leaf.shape) for x, leaf in zip(arrays, leaves, strict=True)))
 
