@@ -1,5 +1,8 @@
 """Files as instruments and laboratories write them: one reading of numbers, one clock, and nothing wrong without a word."""
 
+import datetime
+import itertools
+
 import numpy as np
 import pytest
 
@@ -168,6 +171,39 @@ def test_a_file_with_the_newest_sample_first_is_the_same_the_other_way_round(tmp
     assert back.remarks == ("the newest sample stands first; the rows are put in the order of their times",)
 
 
+@pytest.mark.parametrize(
+    ("times", "named"),
+    [
+        ([k // 3 for k in range(30)], "spread evenly"),  # a coarse clock
+        ([*range(12), *range(12)], "anew in row 13: 2 runs"),
+        ([0, 1, 1, 2, 3, 4, 5, 6, 8, 7, 9, 10], "the first in row 4;"),  # a stamp twice, and two rows exchanged
+    ],
+)
+def test_a_clock_is_mended_with_the_newest_sample_first_as_with_the_oldest(tmp_path, times, named):
+    rows = [f"{t},{i}" for i, t in enumerate(times)]
+    forth, back = (
+        understand(put(tmp_path / name, "\n".join(["t [s],p [bar]", *some]) + "\n"))
+        for name, some in (("a.csv", rows), ("b.csv", rows[::-1]))
+    )
+    np.testing.assert_array_equal(back.data.time, forth.data.time)
+    assert [(r.time[0], len(r.time)) for r in back.data.runs] == [(r.time[0], len(r.time)) for r in forth.data.runs]
+    assert named in back.remarks[-1]  # by the rows of the file
+
+
+def test_dates_with_the_newest_first_begin_at_the_oldest(tmp_path):
+    rows = [f"2024-05-02 10:00:0{i},{i}" for i in (3, 2, 1, 0)]
+    read = understand(put(tmp_path / "a.csv", "\n".join(["Date,p [bar]", *rows]) + "\n"))
+    assert read.data.time.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert read.data.meta["source"]["start"].startswith("2024-05-02T10:00:00")
+
+
+def test_rows_that_are_named_after_others_were_left_out_are_those_of_the_file(tmp_path):
+    times = (0, 1, 1, 2, 2, 3, 4, 5, 6, 8, 7, 9)
+    rows = [f"{t},{i // 2}" for i, t in enumerate(times)]
+    read = understand(put(tmp_path / "a.csv", "\n".join(["t [s],p [bar]", *rows]) + "\n"))
+    assert "row 12" in next(remark for remark in read.remarks if "out of their order" in remark)
+
+
 def test_two_days_are_two_days_and_no_midnight(tmp_path):
     rows = ["2024-05-03 20:00:00,1", "2024-05-03 20:00:01,2", "2024-05-03 00:00:00,3", "2024-05-03 00:00:01,4"]
     one = understand(put(tmp_path / "a.csv", "Time,p [bar]\n" + "\n".join(rows) + "\n"))
@@ -212,12 +248,14 @@ STAMPS = [f"10:00:0{i}" for i in range(4)]
         ("", [f"0 days 00:00:0{i}.500000" for i in range(4)]),
         ("when", [f"02-May-2024 {clock}" for clock in STAMPS]),  # MATLAB's own
         ("when", [f"2024/05/02 10:0{i}" for i in range(4)]),
+        ("", [str(datetime.timedelta(hours=23, minutes=59, seconds=58 + i)) for i in range(4)]),  # "1 day, 0:00:00"
+        ("Time", [f"{24 + i // 4}:00:0{i}" for i in range(4)]),  # hours of a logger that go on after a day
         ("timestamps", ["0", "1", "2", "3"]),
         ("Time", [f"{i} sec" for i in range(4)]),  # a timetable of MATLAB
     ],
 )
 def test_the_only_column_of_times_is_the_time_whatever_it_is_called(tmp_path, name, stamps):
-    rows = "\n".join(f"{stamp},{i}.5,{10 * i}" for i, stamp in enumerate(stamps))
+    rows = "\n".join(f'"{stamp}",{i}.5,{10 * i}' for i, stamp in enumerate(stamps))
     read = understand(put(tmp_path / "a.csv", f"{name},Pressure [bar],Force [N]\n{rows}\n"))
     step = 60.0 if "10:00" in stamps[0] and "/" in stamps[0] else 1.0
     np.testing.assert_allclose(read.data.time - read.data.time[0], step * np.arange(4), atol=1e-9)  # of stamps of 1 us
@@ -248,6 +286,7 @@ def test_a_unit_in_words_is_the_unit(tmp_path, word):
     "text",
     [
         "| time [s] | pressure [bar] |\n|---|---|\n| 0 | 1 |\n| 1 | 2 |\n| 2 | 3 |\n",
+        "|   time [s] |   pressure [bar] |\n|-----------:|:---------------|\n| 0 | 1 |\n| 1 | 2 |\n| 2 | 3 |\n",  # of pandas
         "time_s  pressure_bar\n======  ============\n0  1\n1  2\n2  3\n",
         "time [s],pressure [bar]\n0,1,\n1,2,\n2,3,\n",
         "time [s],pressure [bar]\n1,1,\n2,2,\n3,3,\n",  # as a table of R with numbered rows, but for the empty ends
@@ -256,6 +295,11 @@ def test_a_unit_in_words_is_the_unit(tmp_path, word):
 def test_lines_that_are_drawn_are_no_rows_and_marks_at_their_ends_no_cells(tmp_path, text):
     read = mk.read(put(tmp_path / "a.txt", text))
     assert read["pressure"].tolist() == [1e5, 2e5, 3e5] and np.diff(read.time).tolist() == [1.0, 1.0]
+
+
+def test_columns_of_which_none_can_be_a_channel_are_refused_in_a_sentence(tmp_path):
+    path = put(tmp_path / "a.csv", "-,+\n1,2\n2,3\n3,4\n")
+    assert "at least one column with a name and a unit" in said(path, period=0.1)
 
 
 def test_rows_of_r_are_numbered_without_a_name(tmp_path):
@@ -275,11 +319,16 @@ def test_a_column_chosen_as_the_time_is_told_as_time_and_its_unit_is_said(tmp_pa
 def test_rows_of_an_hdf5_file_have_the_rate_that_stands_beside_them(tmp_path):
     import h5py
 
-    for name, key, value in (("a.h5", "sample_rate", 50.0), ("b.hdf", "dt", 0.02)):
+    stated = [("a.h5", "sample_rate", 50.0), ("b.hdf", "dt", 0.02), ("c.h5", "Fs", np.array([50.0]))]
+    stated += [("d.h5", "SampleRate", "0.05 kHz"), ("e.h5", "sampling interval", "20 ms")]
+    for (name, key, value), place in itertools.product(stated, ("data", "group", "file")):
         with h5py.File(tmp_path / name, "w") as file:
-            data = file.create_dataset("pressure", data=[1.0, 2.0, 3.0])
-            data.attrs.update({"units": "bar", key: value})
-        np.testing.assert_allclose(mk.read(tmp_path / name).time, [0.0, 0.02, 0.04], rtol=1e-15)
+            data = file.create_dataset("run/pressure", data=[1.0, 2.0, 3.0])
+            data.attrs["units"] = "bar"
+            {"data": data, "group": data.parent, "file": file}[place].attrs[key] = value
+        read = understand(tmp_path / name)
+        np.testing.assert_allclose(read.data.time, [0.0, 0.02, 0.04], rtol=1e-15)
+        assert f"by the attribute {key}" in read.remarks[0]
 
 
 # What stands in the way is left out and said

@@ -78,7 +78,7 @@ def _are_days(values: np.ndarray) -> bool:
 
 
 _TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d(?::\d\d(?:[.,]\d*)?)?(?: ?[AP]M)?|\d+ days? .*", re.I)
-_ELAPSED = re.compile(r"(?P<days>\d+) days?,? (?P<clock>\d\d:\d\d:\d\d(?:\.\d{1,9})?)")  # as pandas and Python write it
+_ELAPSED = re.compile(r"(?:(\d+) days?[.,]? )?(\d+)(:\d\d:\d\d(?:\.\d{1,9})?)")  # as pandas and Python write it
 
 
 class MendedClock(NamedTuple):
@@ -132,15 +132,18 @@ def mend_clock(
     remarks: list[str] = []
     if len(time) < 2 or not np.isfinite(time).all() or (np.diff(time) > 0.0).all():
         return MendedClock(time, None, [], remarks)
-    time, count = time.copy(), len(time)
-    steps = np.diff(time)
+    time, count, steps = time.copy(), len(time), np.diff(time)
+    kept, falls = np.arange(count), (steps < 0.0) & (steps >= -math.inf if wrap is None else steps >= -0.5 * wrap)
+    if not strict and 2 * falls.sum() > (steps != 0.0).sum():
+        time, kept = time[::-1].copy(), kept[::-1]
+        alike, steps = None if alike is None else np.r_[False, alike[:0:-1]], np.diff(time)
+        remarks.append("the newest sample stands first; the rows are put in the order of their times")
     if wrap is not None and (at := np.flatnonzero(steps < -0.5 * wrap)).size:
         for i in at:
             time[i + 1 :] += wrap
         what = "midnight passes" if wrap == 86400.0 else f"the counter of the time begins anew after {wrap:.10g} s"
-        remarks.append(f"{what}{' before' + table.place(int(at[0]) + 1).removeprefix(',')}; the time goes on")
+        remarks.append(f"{what}{' before' + table.place(int(kept[at[0] + 1])).removeprefix(',')}; the time goes on")
         steps = np.diff(time)
-    kept = np.arange(len(time))
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     same = steps == 0.0
     if strict and not (steps > 0.0).all():
@@ -155,21 +158,15 @@ def mend_clock(
         remarks.append("several samples have one time; they are spread evenly up to the next")
         steps = np.diff(time)
     elif same.any():
-        kept = kept[np.r_[True, ~same]]
-        numbers = [i + 1 if table.rows is None else table.rows[i] for i in np.flatnonzero(np.r_[False, same]).tolist()]
+        again = np.r_[False, same]
+        numbers = [i + 1 if table.rows is None else table.rows[i] for i in kept[again].tolist()]
         remarks.append(rows_left_out(numbers, "it has the time of the row before"))
-        time = time[kept]
+        time, kept = time[~again], kept[~again]
         steps = np.diff(time)
     runs: list[dict[str, float]] = []
     back = np.flatnonzero(steps < 0.0)
     anew = [int(i) for i in back if time[i + 1] - time[0] <= 0.1 * (time[: i + 1].max() - time[0])]
-    if 2 * back.size > len(steps):
-        kept, time = kept[::-1], time[::-1]
-        remarks.append("the newest sample stands first; the rows are put in the order of their times")
-        again = mend_clock(time, label, None, None, table, strict, where)
-        time, kept = again.time, kept if again.kept is None else kept[again.kept]
-        remarks += again.remarks
-    elif back.size and len(anew) == len(back):
+    if back.size and len(anew) == len(back):
         begins = [0, *(i + 1 for i in anew), len(time)]
         said = [table.place(int(kept[i])).removeprefix(", ") for i in begins[1:-1]]
         for begin, end in zip(begins, begins[1:], strict=False):
@@ -182,13 +179,11 @@ def mend_clock(
             f"the time begins anew in {shown}: {len(runs)} runs, one after another on one clock (Recording.runs)"
         )
     elif back.size:
+        place = table.place(int(kept[back[0] + 1])).removeprefix(", ")
         order = np.argsort(time, kind="stable")
         first = np.r_[True, np.diff(time[order]) > 0.0]
         kept, time = kept[order][first], time[order][first]
-        remarks.append(
-            f"{len(back)} samples stand out of their order, the first in "
-            f"{table.place(int(back[0]) + 1).removeprefix(', ')}; they are put in order"
-        )
+        remarks.append(f"{len(back)} samples stand out of their order, the first in {place}; they are put in order")
     return MendedClock(time, kept if len(kept) < count or (np.diff(kept) != 1).any() else None, runs, remarks)
 
 
@@ -261,8 +256,8 @@ def parse_dates(cells: Sequence[str]) -> np.ndarray:
     def elapsed(cell: str) -> datetime:
         if (found := _ELAPSED.fullmatch(cell)) is None:
             raise ValueError
-        since = datetime.fromisoformat(f"1970-01-01T{found['clock'][:15]}")
-        return since + timedelta(days=int(found["days"]))
+        days, hour, rest = found.groups()
+        return datetime.fromisoformat(f"1970-01-01T00{rest[:13]}") + timedelta(days=int(days or 0), hours=int(hour))
 
     readings = []
     for parse_cell in (iso, *map(written, _DATE_FORMATS), elapsed):

@@ -257,12 +257,16 @@ def assemble(
     # Of rows that stand twice, all channels have their numbers twice.
     alike = np.r_[False, np.all([v[1:] == v[:-1] for v in numbers.values()], axis=0)] if numbers else None
     mended = mend_clock(time, label, wrap, alike, table, strict, where)
-    time = mended.time
+    time, runs = mended.time, mended.runs
     if mended.kept is not None:
         keep(mended.kept)
     changed = [*remarks_of_clock, *mended.remarks, *find_gaps(time, label, table, strict, where)]
     remarks += [*unknown, *blank, *changed]
     dated = start is not None or (stamps is not None and is_date(foreign[stamps.at].values))
+    if dated and len(time) and abs(time[0]) > 0.0:  # the first row is not the earliest
+        late, time = float(time[0]), time - time[0]
+        start = start and str(np.datetime64(start) + np.timedelta64(round(1e6 * late), "us"))
+        runs = [one | {key: one[key] - late for key in ("start", "end")} for one in runs]
     if stamps is not None and table.rows is not None and not (words.get("time") or dated):
         remarks.append(f"{label} has no unit and is taken as seconds")
     events = _events(texts, time)
@@ -301,7 +305,7 @@ def assemble(
         source["left_out"] = [*blank, *unknown]
     if changed:
         source["changed"] = changed
-    more: dict[str, Any] = {"runs": mended.runs} if mended.runs else {}
+    more: dict[str, Any] = {"runs": runs} if runs else {}
     if events:
         more["events"] = [{"time": one["time"], "text": one["text"]} for one in events]
     try:
@@ -517,6 +521,8 @@ def _clock(
     Channels of other clocks are interpolated to it where their times are known, and left out where they are not.
     """
     clocks = dict.fromkeys(foreign[column.at].clock for column in sources.values())
+    if not clocks:
+        raise InputError("channels", None, "must be at least one column with a name and a unit", where=where)
     if len(clocks) == 1:
         return next(iter(clocks)), []
     timed = {one.clock: one.time for one in foreign if one.time is not None}

@@ -19,6 +19,7 @@ import csv
 import hashlib
 import io
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,8 +28,9 @@ import numpy as np
 
 from ..documents import ErrorKeepingFile
 from ..errors import InputError
+from .labels import time_column
 from .sidecar import SCHEMA, check_schema, file_attributes, one_line, parse, to_json, unreadable
-from .table import Channel, FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, channel_attributes
+from .table import Channel, FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, channel_attributes, si_of
 from .text import TEXT_OPTIONS, read_text_table
 
 BROKEN_SEAL = "The file is not as it was written: it is damaged, or another program changed it."
@@ -54,11 +56,12 @@ UNITS = ("units", "unit", "Units", "Unit")  # attributes that state a unit
 
 
 class Dataset(NamedTuple):
-    """A data set of an HDF5 file: path in the file, values, and attributes in words."""
+    """A data set of an HDF5 file: path in the file, values, attributes in words, and those of its group."""
 
     name: str
     values: np.ndarray
     attrs: dict[str, str]
+    around: dict[str, str]
 
 
 def content(path: str | Path) -> tuple[list[Dataset], dict[str, str]]:
@@ -71,7 +74,7 @@ def content(path: str | Path) -> tuple[list[Dataset], dict[str, str]]:
 
         def visit(name: str, item: Any) -> None:
             if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiubV" and item.ndim:
-                sets.append(Dataset(name, item[...], _words(item.attrs)))
+                sets.append(Dataset(name, item[...], _words(item.attrs), _words(item.parent.attrs)))
 
         file.visititems(visit)
         return sets, _words(file.attrs)
@@ -91,6 +94,7 @@ def read_hdf5(path: Path) -> ForeignTable:
         sets, attributes = content(path)
     columns: list[ForeignColumn] = []
     remarks: list[str] = []
+    rates: list[str] = []
     for one in sets:
         label = one.name.replace("/", ".")
         unit = next((one.attrs[key] for key in UNITS if one.attrs.get(key)), None)
@@ -100,29 +104,34 @@ def read_hdf5(path: Path) -> ForeignTable:
             columns += [ForeignColumn(f"{label}.{f}", one.values[f], None, clock) for f in fields]
         elif one.values.ndim == 1 or (one.values.ndim == 2 and 1 in one.values.shape):
             clock = clock.replace(f" {len(one.values)} ", f" {one.values.size} ")
-            step = _interval(one.attrs)
+            step, said = _interval(attributes | one.around | one.attrs)
             time = None if step is None else step * np.arange(one.values.size)
             clock += "" if step is None else f" every {step:g} s"
+            rates += [said] if said and said not in rates else []
             columns.append(ForeignColumn(label, one.values.ravel(), unit, clock, time))
         else:
             shape = " x ".join(map(str, one.values.shape))
             remarks.append(f"{label} is left out: its shape is {shape}, and a channel is one row of numbers")
-    return ForeignTable(columns, {"attributes": attributes} if attributes else {}, remarks)
+    timed = time_column([column.label.rpartition(".")[2] for column in columns]) is not None
+    return ForeignTable(columns, {"attributes": attributes} if attributes else {}, remarks + ([] if timed else rates))
 
 
-def _interval(attrs: Mapping[str, str]) -> float | None:
-    """Interval of the samples [s] by an attribute for their rate [1/s] or interval [s]; None where none says it."""
-    for keys, power in ((RATES, -1.0), (INTERVALS, 1.0)):
-        for key in keys:
-            with contextlib.suppress(KeyError, ValueError, ZeroDivisionError):
-                step: float = float(attrs[key]) ** power
-                if np.isfinite(step) and step > 0.0:
-                    return step
-    return None
+def _interval(attrs: Mapping[str, str]) -> tuple[float | None, str]:
+    """Interval of the samples [s] by an attribute for their rate or interval, and its sentence; None where none says it."""
+    for known, units, power in ((RATES, ("Hz", "1/s"), -1.0), (INTERVALS, ("s",), 1.0)):
+        for key, value in attrs.items():
+            if re.sub(r"[\W_]", "", key).lower() in known:
+                with contextlib.suppress(ValueError, ZeroDivisionError, InputError):
+                    number, _, unit = value.strip("[] ").partition(" ")
+                    kind, scale, _ = si_of(unit or units[0], field=key)
+                    step: float = (float(number) * scale) ** power
+                    if kind in units and np.isfinite(step) and step > 0.0:
+                        return step, f"samples are {step:g} s apart, by the attribute {key} ({value})"
+    return None, ""
 
 
-RATES = ("sample_rate", "sampling_rate", "sampling_frequency", "samplerate", "fs")
-INTERVALS = ("sample_interval", "sampling_interval", "wf_increment", "dt")
+RATES = ("samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fs")
+INTERVALS = ("sampleinterval", "samplinginterval", "sampleperiod", "samplingperiod", "wfincrement", "dt")
 SEAL = b"\nmckibben-seal:"
 SEAL_DIGEST = 32  # [B]
 SEAL_BLOCK = 1 << 20

@@ -44,7 +44,7 @@ _WRITTEN = {
     for mark, other in ((".", ","), (",", "."))
 }
 _LIKE_NUMBER = re.compile(rf"[-+]?(?:\d|[.,]\d)(?:[\d.,]|{_GROUP})*(?:[eE][-+]?\d+)?")
-_RULE = re.compile(r"[-=*_+~]{3,}")  # a line drawn below a header
+_RULE = re.compile(r":?[-=*_+~]{2,}:?")  # a line drawn below a header, with the colons of Markdown
 _DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}([T ].*)?|\d{1,2}-[A-Za-z]{3}-\d{2,4}.*|\d{1,2}:\d\d.*")
 # What a row of units below the names may hold; one of these is needed, and any short word may stand beside it.
 _UNIT_WORDS = frozenset(
@@ -200,7 +200,7 @@ def table_of_rows(
     """
     if decimal not in (None, ".", ","):
         raise InputError("decimal", decimal, known=(".", ","), where=where)
-    rows = [(n, row) for n, row in rows if not all(_RULE.fullmatch(cell.strip() or "---") for cell in row)]
+    rows = [(n, row) for n, row in rows if not all(_RULE.fullmatch(cell.strip() or "--") for cell in row)]
     if not rows:
         return ForeignTable([], {}, [], rows=(), named=True)
     begin, lines = _begin_of_numbers(rows)
@@ -239,7 +239,7 @@ def _without_units(cells: list[tuple[str, ...]], labels: Sequence[str]) -> tuple
     """The cells of columns that repeat their unit behind each number, as "0.01 sec", without it; it goes into the label."""
     plain, named = list(cells), list(labels)
     for at, column in enumerate(cells):
-        found = [_WITH_UNIT.fullmatch(cell.strip()) for cell in column if cell.strip()]
+        found = [_WITH_UNIT.fullmatch(cell.strip()) for cell in column if cell.strip().lower() not in MISSING]
         units = {one[2] if one else "" for one in found}
         if len(units) == 1 and "" not in units and "[" not in named[at] and "(" not in named[at]:
             named[at] = f"{named[at]} [{units.pop()}]"
