@@ -3,9 +3,11 @@
     python benchmarks/bench_b1.py               # needs MCKIBBEN_DATA, or ../shared/data
     mckibben control --controller published-feedforward,published-pid,published-lqi --reference R1      # the controllers
 
-One record: 59 holds of 4 s, the loop with half a second for each of its 203 pressures, and the step up and down. The
-commands are the pressures that the sensor showed, for the regulator's scale of that day is not that of its sheet; strokes
-are compared where there are any. Fitted are load, friction, creep and valve of the simulation that the bench is.
+One record: the loop with half a second for each of its 203 pressures, from the state in which the bench begins, 59 holds of
+4 s, and the step up and down. The commands are the pressures that the sensor showed, for the regulator's scale of that day
+is not that of its sheet; strokes are compared where there are any. Fitted are load, friction, creep and valve of the
+simulation that the bench is. It takes two and a half minutes of a processor and comes to an rms of 0.44 mm on the holds and
+0.61 mm on the loop; B1 as it is stated has 0.48 and 0.62 mm.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 import csv
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,11 +58,12 @@ def record() -> tuple[mk.Recording, dict[str, np.ndarray]]:
         strokes.extend([np.nan] * (count - 1) + [stroke])
         parts.extend([part] * count)
 
+    # the loop first: after the holds friction keeps the muscle shortened at no pressure, and the loop begins at stroke zero
+    for row in rows("dmsp_10_250_hysteresis/pressure_stroke_loop.csv"):
+        add("loop", STAND, 1e5 * float(row["p_bar_gauge"]), 1e-3 * float(row["stroke_mm"]))
+    add("", REST, 0.0)
     for row in rows("dmsp_10_250_holds/random_holds.csv"):
         add("holds", HOLD, 1e5 * float(row["pressure_bar"]), 1e-3 * float(row["stroke_mm"]))
-    add("", REST, 0.0)
-    for row in rows("dmsp_10_250_hysteresis/pressure_stroke_loop.csv"):
-        add("loop", STAND, 1e5 * (0.9 * float(row["p_sensor_V"]) - 1.0), 1e-3 * float(row["stroke_mm"]))
     add("", REST, 0.0)
     steps = rows("dmsp_10_250_hysteresis/step_response_100hz.csv")
     for part in ("step_up", "step_down"):
@@ -96,19 +100,10 @@ def main() -> None:
     for name, e in found.estimates.items():
         print(f"{name}: {e.value:.4g} ({e.low:.4g} to {e.high:.4g}) {e.unit}")
     for words, one in (("begun", begun), ("bench B1", sim), ("fitted", found.simulation)):
-        shown = found.predict(made).position if one is found.simulation else _predict(one, made)
-        off = 1e3 * (shown - made["measured.position"])
+        off = 1e3 * (replace(found, simulation=one).predict(made).position - made["measured.position"])
         said = (f"{part} {np.sqrt(np.nanmean(off[mask] ** 2)):.3f}" for part, mask in parts.items())
         print(f"rms of {words}, mm: {', '.join(said)}; of 70 own lines {PUBLISHED}")
     print(*found.cautions, sep="\n")
-
-
-def _predict(sim: mk.Simulation, made: mk.Recording) -> np.ndarray:
-    """Positions of a simulation under the commands of the record."""
-    seen = [sim.reset(pressure=float(made["muscle.command"][0])).position]
-    for command in made["muscle.command"][:-1]:
-        seen.append(sim.step(muscle=float(command)).position)
-    return np.array(seen)
 
 
 if __name__ == "__main__":
