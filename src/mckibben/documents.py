@@ -53,12 +53,13 @@ def path_text(path: Any, field: str = "file") -> str:
     return text
 
 
-def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
+def read_text(path: str | os.PathLike[str], *, field: str = "file", form: str = "TOML") -> str:
     """The text of a file.
 
     Args:
         path: path of a file in UTF-8.
         field: its name in error messages.
+        form: what it is written in, in error messages.
 
     Raises:
         InputError: there is no such file, or it is no text.
@@ -79,17 +80,13 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file") -> str:
             raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long; it is longer")
         return data.decode("utf-8")
     except IsADirectoryError:
-        raise InputError(field, where, f"must be a {_form(where)} file; it is a folder") from None
+        raise InputError(field, where, f"must be a {form} file; it is a folder") from None
     except FileNotFoundError:
         raise not_found(where, "file" if field == "file" or not field.isalpha() else f"{field} file") from None
     except OSError as error:
         raise InputError(field, where, f"it cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
-        raise InputError(field, None, f"must be {_form(where)} in UTF-8: {error}", where=where) from None
-
-
-def _form(where: str) -> str:
-    return "JSON" if where.lower().endswith(".json") else "TOML"
+        raise InputError(field, None, f"must be {form} in UTF-8: {error}", where=where) from None
 
 
 def no_file(path: str | os.PathLike[str]) -> InputError:

@@ -145,6 +145,7 @@ def _changed(**changes):
     ("text", "words"),
     [
         ("[1, 2", "is no JSON"),
+        (b"\x89HDF\r\n", "must be JSON in UTF-8"),  # the recording of the check, by another name
         ("[" * 100_000, "is no JSON"),
         ('{"fits": []}', "must be what mckibben device check --out FILE.json has written"),
         (lambda: _changed(schema=2), "schema must be 1"),
@@ -164,11 +165,12 @@ def _changed(**changes):
 def test_a_bad_file_is_refused_in_one_sentence_that_names_it(text, words: str, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("own.py").write_text("raise SystemExit('a file has run code')\n")
-    Path("bad.json").write_text(text if isinstance(text, str) else text())
+    text = text() if callable(text) else text
+    Path("bad.check").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError) as caught:
-        read_check("bad.json")
+        read_check("bad.check")
     said = str(caught.value)
-    assert words in said and "bad.json" in said and "\n" not in said
+    assert words in said and "bad.check" in said and "\n" not in said
 
 
 def test_a_machine_without_samples_refuses_to_run(tmp_path: Path, sound):

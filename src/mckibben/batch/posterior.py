@@ -101,7 +101,7 @@ def of_json(
     """
     where = os.fspath(path)
     try:
-        fits = parse_json(read_text(path, field="posterior.fit"))["fits"]
+        fits = parse_json(read_text(path, field="posterior.fit", form="JSON"))["fits"]
         names = [f["law"] for f in fits]
         one = fits[names.index(law or names[0])]
         parameters: Mapping[str, Mapping[str, Any]] = one["parameters"]
@@ -140,7 +140,7 @@ def of_samples(
         InputError: names the column, the value and what is allowed.
     """
     where = os.fspath(path)
-    rows = [row for row in csv.reader(io.StringIO(read_text(path, field="posterior.samples"))) if row]
+    rows = [row for row in csv.reader(io.StringIO(read_text(path, field="posterior.samples", form="CSV"))) if row]
     if len(rows) < 2:
         raise InputError("posterior.samples", where, "must be a table with a header and a row for each sample")
     columns = {}

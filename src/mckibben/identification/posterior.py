@@ -731,7 +731,7 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
     Raises:
         InputError: it is no such file, or has no posterior of that law.
     """
-    where, text = os.fspath(path), read_text(path)
+    where, text = os.fspath(path), read_text(path, form="JSON")
     try:
         content: Any = parse_json(text)
         fits = [f for one in content.get("maps", [content]) for f in one["fits"]]

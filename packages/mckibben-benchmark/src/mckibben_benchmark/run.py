@@ -442,7 +442,7 @@ class BenchmarkResult(Answer):
             InputError: the file cannot be read, or is no such result.
         """
         try:
-            content: Any = parse_json(read_text(path))
+            content: Any = parse_json(read_text(path, form="JSON"))
         except ValueError as error:
             raise InputError("file", None, f"is not JSON: {error}", where=str(path)) from None
         rows = content.get("scores") if isinstance(content, dict) else None

@@ -114,7 +114,7 @@ def read_check(path: str | os.PathLike[str]) -> tuple[CheckRecord, tuple[CheckRe
     Raises:
         InputError: there is no such file, it is no check of a machine, of another version, or damaged; names the field.
     """
-    where, text = os.fspath(path), read_text(path)
+    where, text = os.fspath(path), read_text(path, form="JSON")
     try:
         content = parse_json(text)
     except ValueError as error:
@@ -279,7 +279,7 @@ class ReplayedHardware(Hardware):
         self._answers = self._all_answers(stretch)
         self._level = np.zeros(len(self.names))  # of the valve, as each channel feels it, in parts of the recorded step
         self._changes: list[tuple[int, str, np.ndarray]] = []  # not yet settled: sample, way, change
-        self._settled = self._rest.mean(axis=0) - self._rest.mean(axis=0)
+        self._settled = np.zeros(len(self.names))
 
     def wait(self, sample: int) -> float:
         """Give the next sample at once, with the lateness that it had."""

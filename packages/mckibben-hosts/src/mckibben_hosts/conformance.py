@@ -188,7 +188,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
         InputError: the file is none.
     """
     try:
-        content: dict[str, Any] = dict(parse_json(read_text(Path(path))))
+        content: dict[str, Any] = dict(parse_json(read_text(Path(path), form="JSON")))
         verdicts = tuple(Verdict(**verdict) for verdict in content.pop("verdicts"))
         content = {key: value for key, value in content.items() if key not in ("holds", "warnings")}
         return Certificate(str(content["host"]), content, verdicts)

@@ -624,7 +624,7 @@ def recording_folder(out: str | os.PathLike[str], settings: dict[str, JsonValue]
     folder.mkdir(parents=True, exist_ok=True)
     place = folder / SETTINGS
     if place.exists():
-        stored = parse_json(read_text(place, field="out"))
+        stored = parse_json(read_text(place, field="out", form="JSON"))
         if not isinstance(stored, dict):
             raise InputError("out", str(place), "must be the settings of a characterisation")
         recorded = any(place_of(folder, stage).exists() for stage in STAGES)
