@@ -14,6 +14,7 @@ from mckibben.control.inverse import Inverse
 from mckibben.control.references import REFERENCES
 from mckibben.control.scores import run_controller
 from mckibben.control.steps import shape
+from mckibben.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +130,9 @@ def test_what_is_hidden_moves_no_command_before_it_is_seen(task):
         for machine in machines
     ]
     assert np.array_equal(*commands)
+
+
+@pytest.mark.parametrize("name", ["lqi", "lqi-memory", "published-feedforward", "published-pid", "published-lqi"])
+def test_a_controller_of_the_stroke_of_one_muscle_refuses_a_joint(name):
+    with pytest.raises(InputError, match="must be the stroke of one muscle for this controller; it drives flexor, ext"):
+        CONTROLLERS[name](control_task("J1"))

@@ -45,6 +45,9 @@ class LQI(StepControl):
         integral: weight of the integral against the error [1/s].
         lead: of the feed-forward [s].
         ahead: by which the reference is looked up [s].
+
+    Raises:
+        InputError: another task.
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class LQI(StepControl):
     ) -> None:
         from scipy.linalg import solve_discrete_are
 
-        self.task, self.preview, sim = task, round(ahead / task.period), task.model
+        self.task, self.preview, sim = task.of_one_muscle(), round(ahead / task.period), task.model
         self._inverse = Inverse(task, memory=memory)
         sim.reset()
         for _ in range(round(SETTLES / task.period)):

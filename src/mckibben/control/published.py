@@ -31,12 +31,15 @@ class PublishedControl:
     Args:
         task: of one muscle.
         kind: of the controller.
+
+    Raises:
+        InputError: another task.
     """
 
     preview = 0
 
     def __init__(self, task: ControlTask, *, kind: Literal["feedforward", "pid", "lqi"] = "lqi") -> None:
-        self.task, self.kind = task, kind
+        self.task, self.kind = task.of_one_muscle(), kind
         (low, high), sim = task.limits, task.model
         sim.reset()
         for _ in range(round(1.0 / task.period)):

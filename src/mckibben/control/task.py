@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..errors import InputError
 from ..simulation import Simulation
 
 
@@ -34,6 +35,17 @@ class ControlTask:
     actuators: Mapping[str, tuple[float, float]]
     limits: tuple[float, float]
     unit: str = "m"
+
+    def of_one_muscle(self) -> ControlTask:
+        """Return the task to a controller of the stroke of one muscle whose pressure is measured.
+
+        Raises:
+            InputError: it is another.
+        """
+        if self.unit != "m" or "pressure" not in self.model.programs.fields:
+            driven = ", ".join(self.actuators)
+            raise InputError("task", None, f"must be the stroke of one muscle for this controller; it drives {driven}")
+        return self
 
     @property
     def period(self) -> float:
