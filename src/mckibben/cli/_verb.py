@@ -122,7 +122,7 @@ class VerbCommand:
 
     def is_argument(self, p: verbs.Parameter) -> bool:
         """Whether a parameter is typed without a name, as it is in Python unless it has an option."""
-        return not p.keyword and (p.required or p.name not in self.options)
+        return not p.keyword and p.name not in self.options
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
@@ -349,7 +349,7 @@ class VerbsCommand:
     def _values(self, chosen: Alternative, values: Mapping[str, Any], arguments: Sequence[str]) -> dict[str, Any]:
         """Values of the chosen verb: arguments and options of which it takes one are no lists."""
         known = verbs.described(chosen.command.place).parameters
-        for path in values["out"] or ():
+        for path in values["out"] or () if self.first.outputs.kinds else ():
             kind = "" if str(path) == "-" else self.first.outputs.placed(path)[0]
             if kind and kind not in chosen.command.outputs.kinds:
                 raise InputError("--out", None, f"is allowed only without {chosen.typed} for the {kind} {path}")
