@@ -720,7 +720,9 @@ def settings_of(
         seed: of the simulated sensors' noise.
         muscle: of a simulated rig; None on a real machine.
     """
-    spec = muscle_specimen(muscle) if isinstance(muscle, str) else getattr(muscle, "specimen", muscle)
+    spec: object = muscle_specimen(muscle) if isinstance(muscle, str) else muscle
+    if isinstance(muscle, Muscle):  # whose law may be another than that of its specimen
+        spec = None if muscle.specimen is None else muscle.stated_specimen()
     return {
         "rig": rig.name,
         "rig_digest": _digest(rig.document),
