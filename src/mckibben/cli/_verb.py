@@ -177,6 +177,8 @@ class VerbCommand:
         if p.required or p.name in self.required:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         default = None if p.default == () else p.default
+        if taken == list[str] and isinstance(default, str):
+            default = [default]
         return _keyword(p.name, Annotated[taken if default is not None else taken | None, option], default)
 
     def run(self, values: dict[str, Any]) -> None:
