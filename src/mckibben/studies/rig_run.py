@@ -359,6 +359,7 @@ def record_run(
         template = make_template(
             named_protocol(protocol, {}), muscle, rig,
             specimens={muscle: spec if law is None else dataclasses.replace(spec, law=law)},
+            rigs={rig: dict(prepared.rig.document)},  # with its faults, too
             given=dict(changes or {}), plumbing=plumbing or "", noise_seed=seed, step=float(step), accept_saturation=True,
         )  # fmt: skip
         with open_for(PREDICTING, prepared) as progress:
