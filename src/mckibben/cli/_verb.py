@@ -148,6 +148,11 @@ class VerbCommand:
             needed = "out" in self.required
             several: Any = list[Path] if needed else Paths
             parameters.append(_keyword("out", Annotated[several, option], inspect.Parameter.empty if needed else None))
+        names = [p.name for p in parameters]  # in the order of all commands, whatever Python takes by position
+        if {"muscle", "rig"} <= {*names} and names.index("rig") < names.index("muscle"):
+            parameters.insert(names.index("rig"), parameters.pop(names.index("muscle")))
+        if "out" in names and parameters[names.index("out")].default is None:
+            parameters.append(parameters.pop(names.index("out")))
         parameters.append(_keyword("as_json", Json, False))
 
         def run(**values: Any) -> None:
