@@ -5,8 +5,11 @@ import json
 import numpy as np
 import pytest
 
+import mckibben as mk
 from mckibben.cli import main
+from mckibben.quantities import declared
 from mckibben.recordings import read_recording
+from mckibben.studies.rig_run import record_run
 
 
 @pytest.fixture
@@ -223,3 +226,28 @@ def test_a_biological_muscle_refuses_what_only_a_machine_has(run, says, tmp_path
 def test_a_mckibben_muscle_refuses_stimulation(run):
     code, text, err = run("twitch", "--muscle", "nylon")
     assert (code, text) == (2, "") and "only biological muscles are stimulated" in err
+
+
+def test_bands_of_a_posterior_are_of_the_rig_with_its_faults(tmp_path):
+    length, pressure = [0.12, 0.13, 0.14], [2e5, 3e5, 4e5]
+    law = mk.muscle("nylon").law
+    tension = np.asarray(law.tension(np.array(length), np.array(pressure))).tolist()
+    samples = {"stiffness_per_pressure": [0.0069, 0.007, 0.0071], "shortest_length": [0.104, 0.105, 0.106]}
+    one = {
+        "law": "linear_threshold", "samples": samples, "noise_samples": [1.0] * 3, "discrepancy_samples": [0.5] * 3,
+        "correlation_length": 0.3, "sensor_noise": [0.5] * 3, "shared_errors": [], "seed": 0, "r_hat": 1.0,
+        "effective": 3.0, "divergences": 0, "points": {"length": length, "pressure": pressure, "tension": tension},
+        "known": {name: float(getattr(law, name)) for name in declared(law) if name not in samples},
+    }  # fmt: skip
+    parameters = {name: {"value": values[1], "low": values[0], "high": values[2]} for name, values in samples.items()}
+    fit = {"law": "linear_threshold", "n": 3, "parameters": parameters, "posterior": one}
+    (tmp_path / "fit.json").write_text(json.dumps({"fits": [fit]}))
+    asked = {"muscle": "nylon", "rig": "modern", "changes": {"cycles": "1"}, "posterior": tmp_path / "fit.json"}
+    sound, leaking = (
+        record_run("isometric-step", **asked, draws=3, faults=faults).to_dict()
+        for faults in (None, {"leak": "50 l/min/bar"})
+    )
+    (measured, band), (of_leak, leaky) = (
+        (run["summary"]["pressure"]["max"], run["posterior"]["bands"]["pressure"]["max"]) for run in (sound, leaking)
+    )
+    assert of_leak < 0.9 * measured and leaky["high"] < 0.9 * band["low"]

@@ -121,6 +121,7 @@ def test_a_stated_parameter_stands_and_a_law_without_a_rest_length_takes_one(tmp
     assert float(ideal.law.thread_length) == pytest.approx(0.0821) and ideal.rest_length == 0.07
     path = own.save(tmp_path / "short.toml")
     assert mk.muscle(str(path)).rest_length == 0.07
+    assert mk.muscle(str(path)).law == own.law
     at_rest = mk.muscle("festo-10mm", rest_length=0.15)
     assert not at_rest.law.overstretched(0.15)  # to the last bit
 

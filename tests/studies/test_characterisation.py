@@ -105,8 +105,10 @@ def test_a_folder_without_recordings_takes_other_settings_and_one_with_a_changed
     changed = dataclasses.replace(
         nylon, laws={"linear_threshold": dict(list(nylon.laws["linear_threshold"].items())[1:])}
     )
-    with pytest.raises(InputError, match="the muscle has changed since its stages were recorded"):
-        recording_folder(tmp_path, settings(5e5, changed))
+    other = mk.muscle(nylon, shortest_length="9 cm")  # of the same specimen, with another law
+    for another in (changed, other):
+        with pytest.raises(InputError, match="the muscle has changed since its stages were recorded"):
+            recording_folder(tmp_path, settings(5e5, another))
 
 
 def _loops(pressures, *, names, gain=0.0, memory=0.0, noise=0.05):

@@ -1,13 +1,18 @@
 """One muscle of a make read on a rig, and what holds a muscle measured by a rod: of simulated rigs whose truth is known."""
 
+import json
+
 import numpy as np
 import pytest
 
 import mckibben as mk
-from mckibben.errors import InputError, StageError
+from mckibben.cli import main
+from mckibben.errors import InputError, PlausibilityWarning, StageError
 from mckibben.muscles.elements import Tendon
 from mckibben.studies.characterisation import characterise_like, measure_cord
 from mckibben.studies.characterisation.readings import cord_of
+from mckibben.studies.characterisation.stages import Bounds
+from mckibben.studies.characterisation.verb import make_settings, place_of, recording_folder, settings_of
 
 REST = "140 mm"
 
@@ -15,7 +20,8 @@ REST = "140 mm"
 def test_two_readings_on_a_rig_find_a_muscle_that_differs_from_its_make():
     like = mk.muscle("festo-10mm", rest_length=REST)
     stiffer = like.law.replace(shear_modulus=1.1 * like.law.shear_modulus)
-    found = characterise_like("festo-10mm", muscle=like.with_fields(law=stiffer), same_rig=True)
+    with pytest.warns(PlausibilityWarning, match="all parameters of the law together"):
+        found = characterise_like("festo-10mm", muscle=like.with_fields(law=stiffer), same_rig=True)
     assert [one.length for one in found.readings] == pytest.approx(
         [0.14, 0.96 * 0.14], abs=5e-4
     )  # of the muscle itself
@@ -60,3 +66,32 @@ def test_what_gives_otherwise_than_a_cord_is_refused():
     }
     with pytest.raises(StageError, match="no cord"):
         cord_of(mk.Recording(time, channels, {"steps": steps}))
+
+
+def test_readings_are_planned_for_the_highest_pressure_that_is_stated(capsys):
+    asked = "characterise --like festo-10mm --muscle festo-10mm --same-rig --max-pressure 3bar --dry-run --json"
+    with pytest.raises(SystemExit) as stop:
+        main(asked.split())
+    content = json.loads(capsys.readouterr().out)
+    assert not stop.value.code and [*content["stages"]] == ["seat", "readings"]
+    law = mk.muscle("festo-10mm").law
+    for place in content["readings"]:  # what is expected is expected there, not at the usual pressure of readings
+        assert place["pressure"] == 3e5 and place["tension"] == pytest.approx(float(law.tension(place["length"], 3e5)))
+
+
+def test_a_make_that_pulls_more_than_the_rig_bears_is_read_at_a_lower_pressure():
+    with pytest.raises(
+        InputError, match="max_pressure must be one at which it pulls 100 N at most: such a muscle pulls"
+    ):
+        characterise_like("festo-10mm", muscle="festo-10mm", max_tension="100 N")
+
+
+def test_a_folder_with_readings_of_a_make_is_no_other_questions(tmp_path):
+    rig, spec = mk.rig("modern"), mk.specimen("festo-10mm")
+    whole = settings_of(rig, "direct", Bounds.of(rig, "direct", rest_length=0.14), 0, spec)
+    recording_folder(tmp_path, whole | make_settings(spec, same_rig=True))
+    place_of(tmp_path, "readings").touch()
+    recording_folder(tmp_path, whole | make_settings(spec, same_rig=True))
+    for other in (whole, whole | make_settings(spec, same_rig=False)):
+        with pytest.raises(InputError, match="has stages of another characterisation: its (make|same_rig) is"):
+            recording_folder(tmp_path, other)

@@ -122,7 +122,7 @@ class VerbCommand:
 
     def is_argument(self, p: verbs.Parameter) -> bool:
         """Whether a parameter is typed without a name, as it is in Python unless it has an option."""
-        return not p.keyword and (p.required or p.name not in self.options)
+        return not p.keyword and p.name not in self.options
 
     def function(self) -> Callable[..., None]:
         """The function of which typer makes the parser."""
@@ -148,6 +148,11 @@ class VerbCommand:
             needed = "out" in self.required
             several: Any = list[Path] if needed else Paths
             parameters.append(_keyword("out", Annotated[several, option], inspect.Parameter.empty if needed else None))
+        names = [p.name for p in parameters]  # in the order of all commands, whatever Python takes by position
+        if {"muscle", "rig"} <= {*names} and names.index("rig") < names.index("muscle"):
+            parameters.insert(names.index("rig"), parameters.pop(names.index("muscle")))
+        if "out" in names and parameters[names.index("out")].default is None:
+            parameters.append(parameters.pop(names.index("out")))
         parameters.append(_keyword("as_json", Json, False))
 
         def run(**values: Any) -> None:
@@ -177,6 +182,8 @@ class VerbCommand:
         if p.required or p.name in self.required:
             return _keyword(p.name, Annotated[taken, option], inspect.Parameter.empty)
         default = None if p.default == () else p.default
+        if taken == list[str] and isinstance(default, str):
+            default = [default]
         return _keyword(p.name, Annotated[taken if default is not None else taken | None, option], default)
 
     def run(self, values: dict[str, Any]) -> None:
@@ -349,7 +356,7 @@ class VerbsCommand:
     def _values(self, chosen: Alternative, values: Mapping[str, Any], arguments: Sequence[str]) -> dict[str, Any]:
         """Values of the chosen verb: arguments and options of which it takes one are no lists."""
         known = verbs.described(chosen.command.place).parameters
-        for path in values["out"] or ():
+        for path in values["out"] or () if self.first.outputs.kinds else ():
             kind = "" if str(path) == "-" else self.first.outputs.placed(path)[0]
             if kind and kind not in chosen.command.outputs.kinds:
                 raise InputError("--out", None, f"is allowed only without {chosen.typed} for the {kind} {path}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import math
 import re
@@ -355,7 +356,7 @@ def _characterising(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             raise typer.Exit
 
         def kept() -> str:
-            stages, out = intended.bounds.stages, Path(given["out"])
+            stages, out = [*intended.seconds], Path(given["out"])
             done = [name for name in stages if place_of(out, name).exists()]
             if not done:
                 return "no stage was done, and nothing was kept"
@@ -377,15 +378,28 @@ def _characterising(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     yield {"begun": begun, "stop": button, "progress": lambda done, total, stage: bars[-1].reached(done, total, stage)}
 
 
-characterise = VerbCommand(
+characterise_unknown = VerbCommand(
     "studies.characterisation.verb:characterise",
     OutputKinds(),
-    ("characterise --muscle nylon --rig modern --max-pressure '5 bar' --out nylon",),
+    (
+        "characterise --muscle nylon --rig modern --max-pressure '5 bar' --out nylon",
+        "characterise --like festo-10mm --muscle mine.toml --out mine",
+    ),
     options={"rig": "rig", "laws": "law", "machine": "on"},
     pairs={"known": "wall_thickness='0.5 mm'"},
     flags={"dry_run": "Print the stages and their times without moving anything."},
     check=_check_characterised,
     around=_characterising,
+)
+
+characterise_like = dataclasses.replace(
+    characterise_unknown,
+    place="studies.characterisation.readings:characterise_like",
+    options={"like": "like", "rig": "rig", "machine": "on"},
+    pairs={},
+)
+characterise = VerbsCommand(
+    characterise_unknown, (Alternative(characterise_like, "--like", lambda given: given["like"] is not None),)
 )
 
 

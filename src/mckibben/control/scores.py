@@ -20,10 +20,12 @@ import numpy as np
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
+from ..muscles.evidence import interval_remarks, law_error
 from ..registry import is_reference, load_reference, named_by_person
 from ..simulation import Simulation
+from ..specimens import muscle_specimen
 from ..verbs import Count, Duration, ParameterType, Seed, verb
-from .benches import PUBLISHED, VARIED, VOLT, ControlBench, control_task, find_bench, unseen_plants
+from .benches import NOMINAL, PUBLISHED, SPECIMEN, VARIED, VOLT, ControlBench, control_task, find_bench, unseen_plants
 from .catalogue import CONTROLLERS
 from .references import HOLD, REFERENCES, SKIPPED, Reference
 from .task import Controller, ControlTask
@@ -188,6 +190,7 @@ class ControlScores(Answer):
             "duration": self.duration,
             "unseen": {name: _plain(scores) for name, scores in self.unseen.items()},
             "known": {name: _plain(scores) for name, scores in self.known.items()},
+            "law_error": self._law_errors(),
         }
 
     def rows(self) -> list[dict[str, Any]]:
@@ -244,11 +247,16 @@ class ControlScores(Answer):
         return Table("Published, on the machine itself", columns, rows, (note,))
 
     def remarks(self) -> list[str]:
-        """How long each run was, and where the controllers were tuned."""
+        """How long each run was, where the controllers were tuned, and the interval of the muscle's tension."""
         said = [f"Each run lasted {self.duration:g} s."]
         if self.reference == TUNED_ON:
             said.append(f"The controllers that ship were tuned on {TUNED_ON}: score them on another reference too.")
-        return said
+        return said + interval_remarks(self._law_errors())
+
+    @staticmethod
+    def _law_errors() -> dict[str, Any]:
+        """What is known of the tension of the muscle that all benches have."""
+        return {SPECIMEN: law_error(muscle_specimen(SPECIMEN), NOMINAL.law)}
 
 
 def _plain(scores: Mapping[str, ControlScore]) -> dict[str, JsonValue]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -194,6 +194,11 @@ def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, 
     said = dict.fromkeys(str(one) for spec, law in muscles.values() for one in law_cautions(spec, law))
     errors = {name: law_error(spec, law) for name, (spec, law) in muscles.items()}
     return {"law_error": errors} | ({"warnings": list(said)} if said else {})
+
+
+def interval_remarks(errors: Mapping[str, Any]) -> list[str]:
+    """A sentence for each muscle about the interval of its tension, of errors by name such as those of `about_laws`."""
+    return [f"{name}: {error['interval']}." for name, error in errors.items() if error]
 
 
 def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tuple[Caution, ...]:

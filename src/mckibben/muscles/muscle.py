@@ -286,15 +286,36 @@ class Muscle(Module):
         }
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the specimen to a ``.toml`` file that every command takes; returns its path.
+        """Write the specimen to a ``.toml`` file that every command takes, with this muscle's law; returns its path.
 
         Raises:
             InputError: the muscle was made without a specimen.
         """
         if self.specimen is None:
             raise InputError("specimen", None, "is missing: only a muscle of a specimen, a braid or a fit can be saved")
-        save_specimen(self.specimen, path)
+        save_specimen(self.stated_specimen(), path)
         return Path(path)
+
+    def stated_specimen(self) -> Specimen:
+        """The specimen as this muscle is: its law by default, with the numbers that differ from those of the file.
+
+        Raises:
+            InputError: the muscle was made without a specimen.
+        """
+        spec, name = self.specimen, self.law_name
+        if spec is None:
+            raise InputError("specimen", None, "is missing: the muscle was made without one")
+        if name not in spec.laws:
+            return spec
+        fibre = self.is_biological
+        before = biological_from_specimen(spec, name, {}) if fibre else law_from_specimen(spec, name)
+        numbers = {key: (getattr(self.law, key), getattr(before, key), q.unit) for key, q in declared(self.law).items()}
+        changed = {
+            key: SpecimenNumber(value=float(value), unit=unit, note="stated for this muscle")
+            for key, (value, of_file, unit) in numbers.items()
+            if float(value) != float(of_file)
+        }
+        return dataclasses.replace(spec, law=name, laws=spec.laws | {name: spec.laws[name] | changed})
 
     def __repr__(self) -> str:
         name = repr(self.specimen.id) if self.specimen is not None else "own"

@@ -12,6 +12,7 @@ import numpy as np
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
+from ..muscles.evidence import interval_remarks
 from ..quantities import parse, with_unit
 from ..recordings import Recording, read_record
 from ..recordings.memory import STEPPED, check_memory
@@ -73,8 +74,7 @@ class JointRecording(Answer):
         closed = ", ".join(f"{name} {share:.0e}" for name, share in dict(self.recording.meta["balance"]).items())
         samples = f"{len(self.recording)} samples in {self.recording.duration:g} s."
         errors: Any = self.recording.meta.get("law_error") or {}
-        intervals = (f"{name}: {error['interval']}." for name, error in errors.items() if error)
-        return [f"{samples} Missing in the balances: {closed}.", *intervals]
+        return [f"{samples} Missing in the balances: {closed}.", *interval_remarks(errors)]
 
 
 @verb

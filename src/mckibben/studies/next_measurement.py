@@ -6,6 +6,7 @@ Of one more muscle of a known make these are one or two readings: at rest, and s
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
@@ -183,13 +184,16 @@ class NextReadings(Answer):
         ]
 
 
-def readings_to_take(muscle: Muscle, *, same_rig: bool = False, shortest: float | None = None) -> NextReadings:
+def readings_to_take(
+    muscle: Muscle, *, same_rig: bool = False, shortest: float | None = None, highest: float = math.inf
+) -> NextReadings:
     """Choose the readings of a muscle: at rest, then shortened by 4 %, or as far as it is used if it is from elsewhere.
 
     Args:
         muscle: of a specimen that states how far muscles of its make differ, cut to its rest length.
         same_rig: it is measured on the rig on which those were.
         shortest: most contracted length that is used [m]; the shortest that was measured, in proportion, where left out.
+        highest: gauge pressure that the muscle may have [Pa].
 
     Raises:
         InputError: the specimen states no such differences, or the length is none of such a muscle.
@@ -200,7 +204,7 @@ def readings_to_take(muscle: Muscle, *, same_rig: bool = False, shortest: float 
         ends = f"{with_unit(0.5 * rest, 'm')} and its rest length, {with_unit(rest, 'm')}"
         raise InputError("length", with_unit(shortest, "m"), f"must be between {ends}")
     used = new.muscle.shortest * rest if shortest is None else shortest
-    pressure = min(READ_AT, new.muscle.highest_pressure)
+    pressure = min(READ_AT, new.muscle.highest_pressure, highest)
     before, places = new.share(), []
     for length in (rest, (1.0 - READ_SHORTENED) * rest if same_rig else used):
         mean, half = (float(value[0]) for value in new.predict(np.array([length]), np.array([pressure])))

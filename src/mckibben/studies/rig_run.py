@@ -31,6 +31,7 @@ from ..experiments.dry_run import Finding
 from ..experiments.read import named_protocol
 from ..identification.posterior import Posterior, read_posterior
 from ..muscles.build import law_from_specimen
+from ..muscles.evidence import interval_remarks
 from ..quantities import with_unit
 from ..recordings import Recording
 from ..specimens import Specimen, muscle_specimen
@@ -163,7 +164,7 @@ class RunRecording(Answer):
         ]
 
     def remarks(self) -> list[str]:
-        """How the run ended, its balances, how late its samples were, and its events."""
+        """How the run ended, its balances, how late its samples were, its events, and the interval of the tension."""
         meta = self.recording.meta
         said = [f"{len(self.recording)} samples. {meta['message']}"]
         if closed := meta.get("balance"):
@@ -176,6 +177,7 @@ class RunRecording(Answer):
                 f"{half:.3g} ms (median), {most:.3g} (99 %), {nearly:.3g} (99.9 %), {largest:.3g} (largest)."
             )
         said += [f"{event['time']:.4g} s: {event['text']}" for event in meta["events"]]
+        said += interval_remarks({meta["specimen"]: meta.get("law_error")})
         return said + ([f"Written: {self.log}"] if self.log is not None else [])
 
     def failure(self) -> str | None:
@@ -357,6 +359,7 @@ def record_run(
         template = make_template(
             named_protocol(protocol, {}), muscle, rig,
             specimens={muscle: spec if law is None else dataclasses.replace(spec, law=law)},
+            rigs={rig: dict(prepared.rig.document)},  # with its faults, too
             given=dict(changes or {}), plumbing=plumbing or "", noise_seed=seed, step=float(step), accept_saturation=True,
         )  # fmt: skip
         with open_for(PREDICTING, prepared) as progress:

@@ -11,6 +11,7 @@ from ..batch import VariantOutcome
 from ..batch.drive import SweepReport, Workers, run_sweep
 from ..batch.sweep import Sweep, read_sweep
 from ..documents import JsonValue
+from ..muscles.evidence import interval_remarks, law_error
 from ..quantities import with_unit
 from ..verbs import ResultFolder, SchedulerName, SweepFile, WorkerCount, verb
 
@@ -84,7 +85,7 @@ class SweepResults(Answer):
     def to_dict(self) -> dict[str, JsonValue]:
         """How many variants ended how, the speed, and the path of the results."""
         names = ("runs", "failed", "unmeasured", "store", "new", "codes", "seconds")
-        content = {name: getattr(self.report, name) for name in names}
+        content = {name: getattr(self.report, name) for name in names} | {"law_error": self._law_errors()}
         said = [one.text for one in self.cautions]
         return content | {"warnings": said, "muscle_seconds_per_second": self.report.rate}
 
@@ -99,10 +100,15 @@ class SweepResults(Answer):
         return [Table(f"{title}: {self.report.runs:,} variants", columns, rows)]
 
     def remarks(self) -> list[str]:
-        """The speed of what was run now, and where the results are."""
+        """The speed of what was run now, the intervals of the muscles' tensions, and where the results are."""
         report = self.report
         speed = f"{report.new:,} run now, {report.rate:.3g} s of muscle per second."
-        return [*([speed] if report.new else []), f"Written: {report.store}"]
+        said = [speed] if report.new else []
+        return [*said, *interval_remarks(self._law_errors()), f"Written: {report.store}"]
+
+    def _law_errors(self) -> dict[str, Any]:
+        """What is known of the tension of each muscle that a variant may name."""
+        return {name: law_error(spec, spec.law) for name, spec in self.sweep.template.specimens.items()}
 
     def failure(self) -> str | None:
         """Empty where a variant did not reach its end or lacks an output, which the table and the cautions say."""

@@ -7,7 +7,9 @@ and the frame's; the muscle's own length in a characterisation is the span less 
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,31 +20,58 @@ import numpy as np
 
 from ...answers import Answer, Caution, Column, Table
 from ...assembly.build import rig_unit
-from ...assembly.muscle_unit import MuscleUnit
+from ...bench.hardware.backends import connected
 from ...bench.hardware.interface import Hardware
 from ...bench.rig import Rig
 from ...bench.rig_file import rig as rig_of
-from ...documents import JsonValue
+from ...bench.session.interface import session_rate
+from ...documents import JsonValue, write_text
 from ...engine import STEP
 from ...errors import InputError, StageError
 from ...estimation import NORMAL_QUANTILE, Estimate, descend, uncertainty
 from ...identification.between import NewMuscle, TensionReading
 from ...identification.calibration import calibrate_muscle
 from ...muscles import Muscle
-from ...muscles.build import build_law
 from ...muscles.elements import Tendon
 from ...muscles.muscle import built_muscle
 from ...quantities import in_si, with_unit
 from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from ..next_measurement import NextReadings, readings_to_take
-from .evaluation import _part, advance, of_muscle
-from .stages import MOST_PULLED, Progression, protocol_of
-from .verb import _check, _holder, _layout, _machine, _rest_of, plan
-
-PULL_ERROR = (
-    5e-3  # standard uncertainty of a stiffness by the load cell's gain and what the rod itself stretches, a share
+from ...verbs import (
+    Force,
+    Length,
+    MachineName,
+    MuscleName,
+    PlumbingName,
+    Pressure,
+    ResultFolder,
+    RigName,
+    Seed,
+    Stiffness,
+    verb,
 )
+from ..next_measurement import NextReadings, readings_to_take
+from .evaluation import _part, of_muscle
+from .stages import MOST_PULLED, Progression, protocol_of
+from .verb import (
+    CharacterisationPlan,
+    Progress,
+    _check,
+    _holder,
+    _layout,
+    _machine,
+    _mounted,
+    _recorded,
+    _seconds,
+    _stand_in,
+    bounds_of,
+    make_settings,
+    recording_folder,
+    settings_of,
+)
+
+# Standard uncertainty of a stiffness by the load cell's gain and what the rod itself stretches, a share.
+PULL_ERROR = 5e-3
 ROD_STIFFNESS = 1e12  # of the rod that stands in for the muscle of a simulated rig, over its stretch [N/m^2]
 LEAST_TENSION = 10.0  # to which a rod has to be pulled, and in noise of the cell [N]
 MOST_LEFT = 0.02  # rms of the tension that a cord leaves, of the largest, beyond which it is none
@@ -61,6 +90,8 @@ class ReadCharacterisation(Answer):
         planned: places of the readings, with the tensions that were expected.
         seconds: machine time [s].
         records: recordings of the stages.
+        cautions: what must be known of the readings.
+        folder: of recordings, result and specimen; None where nothing was written.
     """
 
     rig: str
@@ -72,6 +103,13 @@ class ReadCharacterisation(Answer):
     seconds: float
     records: Mapping[str, Recording]
     cautions: tuple[Caution, ...] = ()
+    folder: Path | None = None
+
+    @property
+    def file_name(self) -> str:
+        """Name of the specimen's file in the folder."""
+        assert self.muscle.specimen is not None
+        return f"{self.muscle.specimen.id}.toml"
 
     @property
     def readings(self) -> tuple[TensionReading, ...]:
@@ -114,8 +152,9 @@ class ReadCharacterisation(Answer):
         return [Table(f"Readings of a muscle like {self.like}", columns, self.rows(), (note,))]
 
     def remarks(self) -> list[str]:
-        """Where a further reading is best taken, and how long these took."""
-        return [f"A further reading: {self.new.next_reading()}.", f"{self.seconds / 60.0:.1f} min of machine time."]
+        """Where a further reading is best taken, how long these took, and where the specimen is."""
+        said = [f"A further reading: {self.new.next_reading()}.", f"{self.seconds / 60.0:.1f} min of machine time."]
+        return said + ([] if self.folder is None else [f"Written: {self.folder / self.file_name}"])
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the calibrated specimen, a ``.toml`` file that every command takes; returns its path."""
@@ -149,42 +188,52 @@ class CordStiffness(NamedTuple):
         return f"cord and frame: {value} (95 %: {low} to {high}) up to {with_unit(self.tension, 'N', 3)}"
 
 
+@verb
 def characterise_like(
-    like: str | Specimen,
-    rig: Rig | str | os.PathLike[str] = "modern",
+    like: MuscleName,
+    rig: RigName = "modern",
     *,
-    muscle: str | Specimen | Muscle | MuscleUnit | None = None,
-    rest_length: float | str | None = None,
+    muscle: MuscleName | None = None,
+    rest_length: Length | None = None,
     same_rig: bool = False,
-    plumbing: str | None = None,
-    max_pressure: float | str | None = None,
-    max_tension: float | str | None = None,
-    cord: float | str | None = None,
+    plumbing: PlumbingName | None = None,
+    max_pressure: Pressure | None = None,
+    max_tension: Force | None = None,
+    cord: Stiffness | None = None,
+    seed: Seed = 0,
+    machine: MachineName | None = None,
+    lock_step: bool = False,
+    out: ResultFolder | None = None,
     hardware: Hardware | None = None,
-    seed: int = 0,
-    step: float = STEP,
-    progress: Callable[[float, float, str], None] | None = None,
+    step: float = 5e-5,
+    progress: Progress | None = None,
     stop: Callable[[], bool] | None = None,
+    begun: Callable[[CharacterisationPlan], contextlib.AbstractContextManager[object]] | None = None,
 ) -> ReadCharacterisation:
     """Read one muscle of a known make on a rig, in two minutes, and calibrate the specimen of the make by it.
 
     The muscle is found taut, filled at its rest length and shortened, as `next_measurement` says, and read.
 
     Args:
-        like: specimen of the make, which states how far its muscles differ, such as ``festo-10mm``.
-        rig: as of `characterise`, and all that follows.
+        like: read a muscle of a known make in two minutes instead, and calibrate the specimen of the make by it; one that
+            states how far its muscles differ, such as festo-10mm.
+        rig: as of `characterise`, and all that follows but `same_rig`.
         muscle: muscle of a simulated rig; None on a real machine.
         rest_length: of the muscle, where it is mounted, as text or [m]; that of a simulated muscle by default.
-        same_rig: this is the rig on which the make was measured.
+        same_rig: the rig is the one on which the make was measured, so that the muscle differs less from it.
         plumbing: how the pneumatic parts are joined.
         max_pressure: highest gauge pressure, as text or [Pa].
         max_tension: largest tension, as text or [N].
         cord: stiffness of cord and frame in series, as text or [N/m], as `measure_cord` finds it.
+        seed: random seed for sensor noise.
+        machine: run on a real machine.
+        lock_step: let a simulated device wait for every command.
+        out: folder of recordings, result and specimen; the same question resumes from it.
         hardware: a real machine, with the muscle mounted at the rest length; it stays open.
-        seed: of the simulated sensors' noise.
         step: largest step of the simulated physics [s].
         progress: told the machine time done and planned [s], and the stage.
         stop: asked whether to end; the machine is vented then.
+        begun: told what is planned, before anything moves; its context is open while the machine moves.
 
     Raises:
         InputError: an argument is out of its range, or the specimen does not state how far muscles of its make differ.
@@ -195,46 +244,34 @@ def characterise_like(
         >>> found = characterise_like("festo-10mm", muscle="festo-10mm", max_tension="450 N")    # doctest: +SKIP
         >>> found.muscle.tension("27 cm", "5 bar")                                             # doctest: +SKIP
     """
-    on = rig if isinstance(rig, Rig) else rig_of(rig)
-    if (muscle is None) == (hardware is None):
-        problem = "is missing: the muscle of the simulated rig" if muscle is None else "must be left out with hardware"
-        raise InputError("muscle", None, problem)
+    on, unit, rest = _mounted(rig, muscle, rest_length, hardware, machine, lock_step=lock_step)
     spec = like if isinstance(like, Specimen) else muscle_specimen(like)
-    unit = None if muscle is None else rig_unit(muscle)
-    if rest_length is None:
-        if unit is None:
-            raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
-        rest_length = _rest_of(muscle, unit)
-    rest = float(in_si(rest_length, "m", field="rest_length"))
-    bounds = plan(on, rest_length=rest, plumbing=plumbing, max_pressure=max_pressure, max_tension=max_tension).bounds
+    layout = _layout(on, plumbing)
+    bounds = bounds_of(on, layout, rest_length=rest, max_pressure=max_pressure, max_tension=max_tension)
     bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
     of_make: Any = built_muscle(spec, law=spec.law, rest_length=rest)
-    places = readings_to_take(of_make, same_rig=same_rig)
-    most = max(place["tension"] for place in places.places)
+    places = readings_to_take(of_make, same_rig=same_rig, highest=bounds.pressure)
+    most, read_at = max((place["tension"], place["pressure"]) for place in places.places)
     if most > bounds.tension:
-        expected, bears = with_unit(most, "N", 3), with_unit(bounds.tension, "N", 3)
-        raise InputError(
-            "rig", on.name, f"must bear {expected}, which such a muscle pulls where it is read, not {bears}"
-        )
+        pulls = f"such a muscle pulls {with_unit(most, 'N', 3)} where it is read, at {with_unit(read_at, 'Pa', 3)}"
+        problem = f"must be one at which it pulls {with_unit(bounds.tension, 'N', 3)} at most: {pulls}"
+        raise InputError("max_pressure", None if max_pressure is None else with_unit(bounds.pressure, "Pa"), problem)
     # spans are longer than the muscle by what a known cord stretches under the tension that is expected
     longer = [0.0 if bounds.cord is None else float(bounds.cord.stretch(p["tension"])) for p in places.places]
     spans = tuple(
-        (min(p["length"] + by, MOST_PULLED * rest), min(p["pressure"], bounds.pressure))
-        for p, by in zip(places.places, longer, strict=True)
+        (min(p["length"] + by, MOST_PULLED * rest), p["pressure"]) for p, by in zip(places.places, longer, strict=True)
     )
-    known, records, seconds = Progression(places=spans), {}, 0.0
-    with _machine(on, _layout(on, plumbing), unit, bounds, hardware, seed, step) as machine:
-        for stage in ("seat", "readings"):
-
-            def tell(time: float, planned: float, stage: str = stage, before: float = seconds) -> None:
-                if progress is not None:
-                    progress(before + time, before + planned, stage)
-
-            record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
-            _check(stage, record, on, bounds)
-            known = advance(stage, record, bounds, known)
-            records[stage] = record
-            seconds += float(max(one["end"] for one in record.meta["steps"]))
+    known = Progression(places=spans)
+    seconds = _seconds(on, layout, bounds, ("seat", "readings"), known)
+    intended = CharacterisationPlan(bounds, seconds, places)
+    settings = settings_of(on, layout, bounds, seed, muscle) | make_settings(spec, same_rig=same_rig)
+    folder = None if out is None else recording_folder(out, settings)
+    with (
+        contextlib.nullcontext() if begun is None else begun(intended),
+        connected(machine, on, 1.0 / session_rate(on), lock_step=lock_step) as opened,
+        _machine(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
+    ):
+        known, records, done = _recorded(sampled, intended, bounds, known, folder, progress, stop)
     alone = of_muscle(records["readings"], bounds, known.zero)
     readings = []
     for i in range(1, len(spans) + 1):
@@ -244,7 +281,14 @@ def characterise_like(
             raise StageError("readings", f"the muscle is slack at {with_unit(length, 'm', 4)}; check the rest length")
         readings.append(TensionReading(length, pressure - known.zero_pressure, tension - known.zero))
     made, new = calibrate_muscle(of_make, readings, same_rig=same_rig)
-    return ReadCharacterisation(on.name, spec.id, made, new, places.before, places, seconds, records, new.cautions())
+    time = sum(one.seconds for one in done)
+    found = ReadCharacterisation(
+        on.name, spec.id, made, new, places.before, places, time, records, new.cautions(), folder
+    )
+    if folder is not None:
+        write_text(folder / "result.json", json.dumps(found.to_dict(), indent=1) + "\n", field="out")
+        found.save(folder / found.file_name)
+    return found
 
 
 def measure_cord(
@@ -282,7 +326,7 @@ def measure_cord(
     """
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     length = float(in_si(rod_length, "m", field="rod_length"))
-    bounds = plan(on, rest_length=length, plumbing=plumbing, max_tension=max_tension).bounds
+    bounds = bounds_of(on, _layout(on, plumbing), rest_length=length, max_tension=max_tension)
     unit = None
     if hardware is None:
         unit = rig_unit(Muscle(_rod(length)))
@@ -307,9 +351,8 @@ def cord_of(record: Recording) -> CordStiffness:
         raise StageError("cord", f"the rod was pulled with {with_unit(largest, 'N', 2)} only; check where it gets taut")
     taut = float(span[np.argmax(tension > 0.1 * largest)])
     slope = 0.9 * largest / max(float(span[np.argmax(tension)]) - taut, 1e-6)
-    size = np.array(
-        [slope, 1e-3, 1e-3]
-    )  # stiffness, toe, and where it gets taut, from where the pull has a tenth of it
+    # stiffness, toe, and where it gets taut, from where the pull has a tenth of it
+    size = np.array([slope, 1e-3, 1e-3])
 
     def residual(scaled: np.ndarray) -> np.ndarray:
         stiffness, toe, begin = scaled * size
@@ -319,9 +362,8 @@ def cord_of(record: Recording) -> CordStiffness:
         left: np.ndarray = (pulled - tension) / largest
         return left
 
-    found = descend(
-        residual, np.array([1.0, 0.5, -0.5]), bounds=(np.array([0.01, 1e-3, -20.0]), np.array([100.0, 20.0, 20.0]))
-    )
+    ends = np.array([0.01, 1e-3, -20.0]), np.array([100.0, 20.0, 20.0])
+    found = descend(residual, np.array([1.0, 0.5, -0.5]), bounds=ends)
     left = float(np.sqrt(np.mean(found.residual**2)))
     if left > MOST_LEFT:
         share = f"{100.0 * left:.2g} % of the largest tension"
@@ -340,16 +382,5 @@ def cord_of(record: Recording) -> CordStiffness:
 
 def _rod(length: float) -> Any:
     """A law that hardly stretches, and pulls with nothing but that."""
-    return build_law(
-        "linear_threshold",
-        {
-            "stiffness_per_pressure": 1e-6,
-            "shortest_length": 0.5 * length,
-            "threshold_pressure": 0.0,
-            "passive_stiffness": 0.0,
-            "rest_length": length,
-            "upper_length": length,
-            "stop_stiffness": ROD_STIFFNESS,
-            "rest_volume": 1e-5,
-        },
-    )
+    law: Any = _stand_in(length).law
+    return law.replace(upper_length=length, stop_stiffness=ROD_STIFFNESS)

@@ -53,6 +53,7 @@ from ...verbs import (
     Stiffness,
     verb,
 )
+from ..next_measurement import NextReadings
 from .evaluation import MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
 from .stages import ISOBARS, LENGTH_ERROR, OTHER_STAGES, STAGES, Bounds, Progression, planned, protocol_of
 
@@ -62,9 +63,11 @@ if TYPE_CHECKING:
 SETTINGS = "characterisation.json"  # in the folder: what its recordings were made with
 REPORT = "report.html"  # in the folder
 POINTS = "points.csv"  # in the folder: points of the map, without friction and relaxation
-CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle"}  # settings that are digests, and what of
+# Settings that are digests, and what of.
+CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle", "make_digest": "make"}
 LESS = 0.7  # of the largest tension, to be asked for where the rig's interlock has stopped a stage
 LEAST_TOE = 1e-6  # stretch over which a cord of a stated stiffness gets stiff [m]
+_NUMBERED = [*STAGES, *OTHER_STAGES]
 SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
 Sizes = Annotated[Any, ParameterType("NAME=VALUE")]  # by name, numbers [SI] or text
 Progress = Callable[[float, float, str], None]  # machine time done and planned [s], and the stage
@@ -277,10 +280,11 @@ class Characterisation(Answer):
 
 @dataclass(frozen=True)
 class CharacterisationPlan(Answer):
-    """What will be done: bounds, and the longest time of every stage by name [s]."""
+    """What will be done: bounds, the longest time of every stage by name [s], and readings where no map is measured."""
 
     bounds: Bounds
     seconds: dict[str, float]
+    readings: NextReadings | None = None
 
     @property
     def total(self) -> float:
@@ -295,18 +299,20 @@ class CharacterisationPlan(Answer):
             "rest_length": self.bounds.rest_length,
             "max_pressure": self.bounds.pressure,
             "max_tension": self.bounds.tension,
+            **({} if self.readings is None else self.readings.to_dict()),
         }
 
     def tables(self) -> list[Table]:
         """The stages and their times."""
-        rows = [{"stage": name, "does": STAGES[name], "seconds": time} for name, time in self.seconds.items()]
+        does = STAGES | OTHER_STAGES
+        rows = [{"stage": name, "does": does[name], "seconds": time} for name, time in self.seconds.items()]
         columns = Column("stage", ""), Column("does", ""), Column("seconds", "at most", "s", "s", ".0f", beside=True)
-        return [Table("Stages", columns, rows)]
+        return [Table("Stages", columns, rows), *([] if self.readings is None else self.readings.tables())]
 
     def remarks(self) -> list[str]:
         """The whole time, the bounds, and what is not tested."""
         highest, largest = with_unit(self.bounds.pressure, "Pa", 3), with_unit(self.bounds.tension, "N", 3)
-        shut = "" if self.bounds.shut_off else " There is no shut-off valve, so leaks are not tested."
+        shut = "" if self.bounds.shut_off or self.readings else " There is no shut-off valve, so leaks are not tested."
         return [f"At most {self.total / 60.0:.1f} min of machine time, {highest} and {largest}.{shut}"]
 
 
@@ -322,20 +328,44 @@ def plan(
     """Plan a characterisation without moving anything; arguments and errors as of `characterise`."""
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     layout = _layout(on, plumbing)
-    rest = float(in_si(rest_length, "m", field="rest_length"))
+    bounds = bounds_of(
+        on,
+        layout,
+        rest_length=rest_length,
+        max_pressure=max_pressure,
+        max_tension=max_tension,
+        rest_length_error=rest_length_error,
+    )
+    return CharacterisationPlan(bounds, _seconds(on, layout, bounds, bounds.stages, planned(bounds)))
+
+
+def bounds_of(
+    rig: Rig,
+    layout: str,
+    *,
+    rest_length: float | str,
+    max_pressure: float | str | None = None,
+    max_tension: float | str | None = None,
+    rest_length_error: float = LENGTH_ERROR,
+) -> Bounds:
+    """Bounds of what is measured; arguments and errors as of `characterise`, with the name of the plumbing."""
     pressure, tension = (
         None if value is None else float(in_si(value, unit, field=name))
         for name, value, unit in (("max_pressure", max_pressure, "Pa"), ("max_tension", max_tension, "N"))
     )
-    bounds = Bounds.of(
-        on, layout, rest_length=rest, pressure=pressure, tension=tension, rest_length_error=rest_length_error
+    rest = float(in_si(rest_length, "m", field="rest_length"))
+    return Bounds.of(
+        rig, layout, rest_length=rest, pressure=pressure, tension=tension, rest_length_error=rest_length_error
     )
-    assumed, stand_in = planned(bounds), _stand_in(rest)
-    times = {}
-    for stage in bounds.stages:
-        prepared = prepare(protocol_of(stage, bounds, assumed), muscle=stand_in, rig=on, plumbing=layout, foresee=False)
+
+
+def _seconds(rig: Rig, layout: str, bounds: Bounds, stages: Sequence[str], known: Progression) -> dict[str, float]:
+    """Longest time of each stage [s]."""
+    stand_in, times = _stand_in(bounds.rest_length), {}
+    for stage in stages:
+        prepared = prepare(protocol_of(stage, bounds, known), muscle=stand_in, rig=rig, plumbing=layout, foresee=False)
         times[stage] = prepared.plan.duration
-    return CharacterisationPlan(bounds, times)
+    return times
 
 
 @verb
@@ -405,13 +435,7 @@ def characterise(
         Traceback (most recent call last):
         mckibben.errors.InputError: max_pressure must be above 0 and at most 9 bar, got 12 bar
     """
-    if lock_step and machine is None:
-        raise InputError("lock_step", None, "is allowed only with {machine}, for a simulated device")
-    check_connection(machine)
-    if (muscle is None) == (hardware is None and machine is None):
-        problem = "is missing: the muscle of the simulated rig" if muscle is None else "is of a simulated rig"
-        raise InputError("muscle", None, problem)
-    on = rig if isinstance(rig, Rig) else rig_of(rig)
+    on, unit, rest_length = _mounted(rig, muscle, rest_length, hardware, machine, lock_step=lock_step)
     for law in laws or ():
         law_type(law)
     gain = float(gain_error)
@@ -420,11 +444,6 @@ def characterise(
     sizes = known_in_si(named_values(known or {}, "known"), laws)
     if "rest_length" in sizes:
         raise InputError("known.rest_length", None, "is stated as rest_length")
-    unit = None if muscle is None else rig_unit(muscle)
-    if rest_length is None:
-        if unit is None:
-            raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
-        rest_length = _rest_of(muscle, unit)
     intended = plan(
         on,
         rest_length=rest_length,
@@ -436,44 +455,17 @@ def characterise(
     bounds, layout = intended.bounds, _layout(on, plumbing)
     bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
     folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
-    so_far, records, done = Progression(), {}, []
-    passed = 0.0
     # the plan is told before a machine is opened, and Ctrl-C is heard until it has vented
     with (
         contextlib.nullcontext() if begun is None else begun(intended),
         connected(machine, on, 1.0 / session_rate(on), lock_step=lock_step) as opened,
         _machine(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
     ):
-        for stage in bounds.stages:
-            place = None if folder is None else place_of(folder, stage)
-            resumed = place is not None and place.exists()
-            if resumed and place is not None:
-                record = read_recording(place)
-            else:
-
-                def tell(time: float, _: float, stage: str = stage, before: float = passed) -> None:
-                    if progress is not None:
-                        progress(before + time, intended.total, stage)
-
-                record = sampled.run(stage, protocol_of(stage, bounds, so_far), tell, stop)
-            try:
-                _check(stage, record, on, bounds)
-                so_far = advance(stage, record, bounds, so_far)
-            except StageError as error:
-                if folder is None or resumed or (stop is not None and stop()):
-                    raise
-                raise StageError(stage, f"{error.problem}. Written: {record.save(_failed(folder, stage))}") from None
-            if place is not None and not resumed:
-                record.save(place)
-                _failed(place.parent, stage).unlink(missing_ok=True)
-            records[stage] = record
-            seconds = float(max(step["end"] for step in record.meta["steps"]))
-            done.append(StageRecord(stage, seconds, resumed))
-            passed += intended.seconds[stage]
+        so_far, records, done = _recorded(sampled, intended, bounds, Progression(), folder, progress, stop)
     chosen = None if laws is None else tuple(laws)
     found = evaluate(records, bounds, so_far, laws=chosen, sizes=sizes, gain_error=gain, name=name)
     spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
-    outcome = Characterisation(on.name, bounds, tuple(done), found, spec, records, _cautions(found), folder)
+    outcome = Characterisation(on.name, bounds, done, found, spec, records, _cautions(found), folder)
     if folder is not None:
         found.points.save(folder / POINTS)
         write_text(folder / "result.json", json.dumps(outcome.to_dict(), indent=1) + "\n", field="out")
@@ -483,6 +475,64 @@ def characterise(
             (folder / f"{name}.toml").unlink(missing_ok=True)
         outcome.report(folder / REPORT)
     return outcome
+
+
+def _mounted(
+    rig: Any, muscle: Any, rest_length: Any, hardware: Hardware | None, machine: str | None, *, lock_step: bool
+) -> tuple[Rig, MuscleUnit | None, float]:
+    """The rig, the muscle of a simulated one, and the length at which it is mounted [m]."""
+    if lock_step and machine is None:
+        raise InputError("lock_step", None, "is allowed only with {machine}, for a simulated device")
+    check_connection(machine)
+    if (muscle is None) == (hardware is None and machine is None):
+        problem = "is missing: the muscle of the simulated rig" if muscle is None else "is of a simulated rig"
+        raise InputError("muscle", None, problem)
+    unit = None if muscle is None else rig_unit(muscle)
+    if rest_length is None:
+        if unit is None:
+            raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
+        rest_length = _rest_of(muscle, unit)
+    return rig if isinstance(rig, Rig) else rig_of(rig), unit, float(in_si(rest_length, "m", field="rest_length"))
+
+
+def _recorded(
+    machine: _Machine,
+    intended: CharacterisationPlan,
+    bounds: Bounds,
+    known: Progression,
+    folder: Path | None,
+    progress: Progress | None,
+    stop: Callable[[], bool] | None,
+) -> tuple[Progression, dict[str, Recording], tuple[StageRecord, ...]]:
+    """What the stages found, and their recordings: those in the folder, and of the machine what is not there."""
+    records, done, passed = {}, [], 0.0
+    for stage in intended.seconds:
+        place = None if folder is None else place_of(folder, stage)
+        resumed = place is not None and place.exists()
+        if resumed and place is not None:
+            record = read_recording(place)
+        else:
+
+            def tell(time: float, _: float, stage: str = stage, before: float = passed) -> None:
+                if progress is not None:
+                    progress(before + time, intended.total, stage)
+
+            record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
+        try:
+            _check(stage, record, machine.rig, bounds)
+            known = advance(stage, record, bounds, known)
+        except StageError as error:
+            if folder is None or resumed or (stop is not None and stop()):
+                raise
+            raise StageError(stage, f"{error.problem}. Written: {record.save(_failed(folder, stage))}") from None
+        if place is not None and not resumed:
+            record.save(place)
+            _failed(place.parent, stage).unlink(missing_ok=True)
+        records[stage] = record
+        seconds = float(max(step["end"] for step in record.meta["steps"]))
+        done.append(StageRecord(stage, seconds, resumed))
+        passed += intended.seconds[stage]
+    return known, records, tuple(done)
 
 
 def _cautions(found: Evaluation) -> tuple[Caution, ...]:
@@ -526,7 +576,7 @@ class _Machine:
         # the tension of an unknown muscle is not foreseen; the load cell's interlock and the tests of the steps watch it
         if self.unit is None:
             return prepare_on_machine(protocol, self.session.setup.rate, foresee=False, **self.session.setup.options)
-        seed = self.seed * len(STAGES) + [*STAGES, *OTHER_STAGES].index(stage)
+        seed = self.seed * len(STAGES) + _NUMBERED.index(stage)
         made = prepare(
             protocol,
             muscle=self.stand_in,
@@ -627,9 +677,9 @@ def recording_folder(out: str | os.PathLike[str], settings: dict[str, JsonValue]
         stored = parse_json(read_text(place, field="out", form="JSON"))
         if not isinstance(stored, dict):
             raise InputError("out", str(place), "must be the settings of a characterisation")
-        recorded = any(place_of(folder, stage).exists() for stage in STAGES)
-        for key, value in settings.items() if recorded else ():
-            before = stored.get(key)
+        recorded = any(place_of(folder, stage).exists() for stage in STAGES | OTHER_STAGES)
+        for key in {**settings, **stored} if recorded else ():
+            before, value = stored.get(key), settings.get(key)
             if before == value or (key in CONTENTS and before is None):
                 continue
             if key in CONTENTS:
@@ -644,7 +694,7 @@ def recording_folder(out: str | os.PathLike[str], settings: dict[str, JsonValue]
 
 def place_of(folder: Path, stage: str) -> Path:
     """Return the file of a stage's recording in a folder."""
-    return folder / f"{1 + list(STAGES).index(stage)}-{stage}.nc"
+    return folder / f"{1 + _NUMBERED.index(stage)}-{stage}.nc"
 
 
 def _failed(folder: Path, stage: str) -> Path:
@@ -653,6 +703,8 @@ def _failed(folder: Path, stage: str) -> Path:
 
 def _shown(key: str, value: JsonValue) -> str:
     unit = {"rest_length": "m", "max_pressure": "Pa", "max_tension": "N"}.get(key)
+    if value is None:
+        return "none"
     return with_unit(float(value), unit) if unit and isinstance(value, int | float) else repr(value)
 
 
@@ -668,7 +720,9 @@ def settings_of(
         seed: of the simulated sensors' noise.
         muscle: of a simulated rig; None on a real machine.
     """
-    spec = muscle_specimen(muscle) if isinstance(muscle, str) else getattr(muscle, "specimen", muscle)
+    spec: object = muscle_specimen(muscle) if isinstance(muscle, str) else muscle
+    if isinstance(muscle, Muscle):  # whose law may be another than that of its specimen
+        spec = None if muscle.specimen is None else muscle.stated_specimen()
     return {
         "rig": rig.name,
         "rig_digest": _digest(rig.document),
@@ -680,6 +734,11 @@ def settings_of(
         "max_pressure": bounds.pressure,
         "max_tension": bounds.tension,
     }
+
+
+def make_settings(spec: Specimen, *, same_rig: bool) -> dict[str, JsonValue]:
+    """Return where readings of a muscle of a make follow from: the specimen of the make, and whether it is of this rig."""
+    return {"make": spec.id, "make_digest": _digest(spec.stated()), "same_rig": same_rig}
 
 
 def _digest(content: object) -> str:
