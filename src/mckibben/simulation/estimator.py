@@ -255,7 +255,7 @@ class Estimator:
             if name not in self.simulation.command_entries or name in self.loads:
                 given = [n for n in self.simulation.commands if n not in self.loads]
                 raise InputError("step", name, known=[*given, *self.measured])
-        commands = {name: in_si(value, self._units[name], name) for name, value in commands.items()}
+        commanded = {name: in_si(value, self._units[name], name) for name, value in commands.items()}
         seen = {name: self._seen(name, values[name]) for name in self.measured if name in values}
         self._load *= math.exp(-self.simulation.period / LASTS)
         self._load += self._walk * self._random.standard_normal(self._load.shape)
@@ -264,7 +264,7 @@ class Estimator:
             self._kernel.carry[row, : self.lanes] *= 1.0 + flow * self._random.standard_normal(self.lanes)
         drift = self._shares * DRIFT * math.sqrt(self.simulation.period)
         self._parameters *= 1.0 + drift * self._random.standard_normal(self._parameters.shape)
-        self._advance(commands)
+        self._advance(commanded)
         self._time += self.simulation.period
         here = [k for k, name in enumerate(self.measured) if math.isfinite(seen.get(name, math.nan))]
         if here:

@@ -193,7 +193,7 @@ class Rollout:
     def _observation(self, observed: Any, time: Scalar) -> Any:
         return self.simulation.Observation(time, *(observed[k] for k in range(self._fields)))
 
-    def _held(self, held: Any, commands: Mapping[str, Scalar]) -> Any:
+    def _held(self, held: Any, commands: Any) -> Any:
         known = self.simulation.commands
         if not isinstance(commands, Mapping):
             shown = f"must return its commands by name, as in {{{known[0]!r}: 0.0}}"
