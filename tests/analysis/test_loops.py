@@ -333,6 +333,6 @@ def test_cycles_of_which_none_is_closed_say_so():
 
 
 def test_an_account_leaves_out_cycles_that_are_no_loops():
-    account = held([(1, 0.5, 2), (3, 0.5, 2)]).energy(muscle="nylon")
+    with pytest.warns(PlausibilityWarning, match="left out"), pytest.warns(PlausibilityWarning, match="1 bar to 3 bar"):
+        account = held([(1, 0.5, 2), (3, 0.5, 2)]).energy(muscle="nylon")
     assert [c.shaft_work for c in account.cycles] == pytest.approx([-0.04, -0.04], rel=2e-3)
-    assert any("left out" in note for note in account.notes) and any("1 bar to 3 bar" in n for n in account.notes)

@@ -86,8 +86,8 @@ def _simulated(part: Recording, about: Mapping[str, Any], *, whole: bool, cycle:
     pieces = [Flows(part.select(part.time[p.start], part.time[p.stop - 1])) for p in whole_pieces(part)]
     if not pieces:
         raise InputError("samples", len(part), "must be two or more without a gap between them")
-    notes: list[str] = []
-    tried = [c for piece in pieces for c in _cycles(piece, cycle, notes)]
+    cautions: list[Caution] = []
+    tried = [c for piece in pieces for c in _cycles(piece, cycle, cautions)]
     ledgers = [_between(p, 0, -1) for p in pieces]
     summed = tuple(a._replace(value=sum(one[i].value for one in ledgers)) for i, a in enumerate(ledgers[0]))
     room = pieces[0].machine.room
@@ -102,7 +102,8 @@ def _simulated(part: Recording, about: Mapping[str, Any], *, whole: bool, cycle:
         compressor=dict(about["compressor"]) if whole else _compressor(pieces),
         cycles=tuple(tried),
         unknown=(),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=(),
+        cautions=collect(*cautions),
         room_pressure=float(room.pressure_abs),
         caught=lambda p: _caught(pieces, p, summed),
     )
@@ -142,7 +143,7 @@ def _compressor(pieces: list[Flows]) -> dict[str, float]:
     }
 
 
-def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEnergy]:
+def _cycles(piece: Flows, channel: str | None, cautions: list[Caution]) -> list[CycleEnergy]:
     record, muscles = piece.record, piece.machine.muscles()
     drive = channel
     if drive is None and muscles:
@@ -154,11 +155,11 @@ def _cycles(piece: Flows, channel: str | None, notes: list[str]) -> list[CycleEn
         all_cycles = find_cycles(record[drive], subject=f"channel {drive}")
         held = {f"{m}.pressure": record[f"{m}.pressure"] for m in muscles}
         all_cycles, caution = closed_cycles(all_cycles, record.time, held)
-        notes += [caution.text] if caution else []
+        cautions += [caution] if caution else []
     except InputError as error:
         if channel is not None:
             raise
-        notes.append(f"no cycles: {error}")
+        cautions.append(Caution(f"no cycles: {error}"))
         return []
     pressure = piece.supply_pressure()
     each = float(piece.dead.compression(pressure, cooled=False)) if np.isfinite(pressure) else np.nan
@@ -267,10 +268,6 @@ def estimate(
     if means[-1] - means[0] > 0.02 * abs(means[-1]):
         words = " to ".join(with_unit(mean, "Pa") for mean in (means[0], means[-1]))
         cautions += (Caution(f"the parts are sums over cycles at different mean pressures ({words})", "pressure"),)
-    notes = (
-        *(c.text for c in cautions),
-        "estimated with the gas at the room's temperature and the muscle at rest on its law",
-    )
     return EnergyAccount(
         kind="measured",
         parts=parts,
@@ -281,7 +278,8 @@ def estimate(
         compressor=work,
         cycles=cycles,
         unknown=tuple(unknown),
-        notes=notes,
+        notes=("estimated with the gas at the room's temperature and the muscle at rest on its law",),
+        cautions=cautions,
         room_pressure=float(basis.dead.pressure_abs),
         caught=lambda p: _caught_in_cycles(pairs, cycles, basis, p),
     )
