@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mckibben as mk
 from mckibben.assembly.circuit_file import read_circuit
 from mckibben.assembly.circuit_parts import ElementTable
 from mckibben.assembly.sentence import run_sentence, sentence
@@ -346,6 +347,21 @@ def test_what_can_hardly_be_meant_in_a_file_is_refused_or_stands_with_its_run(tm
     assert any(sentence in one for one in said)
     with pytest.warns(PlausibilityWarning):
         assert set(said) <= set(run_circuit(plan).meta["warnings"])
+
+
+def test_a_circuit_says_what_is_known_of_the_error_of_its_muscles_law(tmp_path):
+    file = tmp_path / "own.toml"
+    text = VALVE.read_text().replace('length = "14 cm"', 'length = "18 cm"')
+    file.write_text(text.replace('specimen = "nylon"', 'specimen = "SM20"'))
+    said = mk.muscle("SM20").cautions
+    assert said and set(said) <= set(read_circuit(file).cautions)
+
+
+def test_a_biological_muscle_in_a_circuit_is_refused_as_one(tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text(VALVE.read_text().replace('specimen = "nylon"', 'specimen = "slow-fibre"'))
+    with pytest.raises(InputError, match=r"nodes.muscle.specimen must be a McKibben muscle, got 'slow-fibre'"):
+        read_circuit(file)
 
 
 def test_the_circuits_that_ship_are_taken_without_a_word():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import mckibben as mk
-from mckibben.errors import InputError
+from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.muscles import plausible
 from mckibben.quantities import usual_units, with_unit
 from mckibben.slips import USUAL_SIZES, likely_unit, size_caution
@@ -34,6 +34,7 @@ ENDS = {
     "pressure that inflates nothing": (
         lambda x: plausible.pressure_caution(x, text=repr(x)), plausible.LEAST_PRESSURE, -1, "inflates no muscle; was",
     ),
+    "vacuum": (plausible.pressure_caution, plausible.LEAST_GAUGE, -1, "is below vacuum: there is none"),
     "measured pressure": (
         lambda x: plausible.pressure_caution(x, MEASURED.specimen), 1.02 * measured("highest_measured_pressure"), 1,
         f"up to {with_unit(measured('highest_measured_pressure'), 'Pa', 3)}",
@@ -67,6 +68,14 @@ def test_nothing_is_said_up_to_an_end_and_one_sentence_beyond(name):
 def test_a_sentence_never_shows_two_different_lengths_as_one(beyond):
     shown = str(plausible.stretch_caution(LONGEST * (1.0 + beyond), LONGEST))
     assert with_unit(LONGEST, "m") in shown and shown.count(f" {with_unit(LONGEST, 'm')}") == 1
+
+
+@pytest.mark.parametrize("pressures", [[-9e5, 9e5], [9e5, 1e5, -9e5], [-9e5, 9e5, math.nan]])
+def test_both_ends_of_an_array_of_pressures_are_judged(pressures):
+    with pytest.warns(PlausibilityWarning) as said:
+        NYLON.volume(0.13, pressures)
+    said = [str(one.message) for one in said]
+    assert any("9 bar is beyond" in one for one in said) and any("-9 bar is below vacuum" in one for one in said)
 
 
 def test_no_gauge_pressure_is_below_vacuum_and_no_span_outside_what_a_braid_can_take():

@@ -117,6 +117,7 @@ def test_what_was_assumed_is_said():
         ({"spread": {"rest_diameter": 2.0}}, "share between 0 and 1"),
         ({"spread": {"muscle.friction.stiffness": 0.1}}, "is a number"),
         ({"lanes": 2}, "8 or more"),
+        ({"noise": {"pressure": -600.0}}, "standard deviation above zero"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(options, said):
@@ -130,3 +131,24 @@ def test_a_step_takes_commands_and_measured_fields_by_name():
         observer.step(0.2)
     with pytest.raises(InputError, match="muscle"):
         observer.step(force=3.0)  # unknown, and no command
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"pressure": "2 m"}, "pressure must be a pressure"),
+        ({"pressure": None}, "pressure must be a number"),
+        ({"pressure": True}, "pressure must be a number"),
+        ({"pressure": "-3 bar"}, "pressure must be a gauge pressure above vacuum"),
+        ({"muscle": math.nan}, "muscle must be a finite number"),
+        ({"muscle": "2 bar"}, "muscle must be a pure number"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_before_a_lane_moves(values, said):
+    observer = machine().estimator(lanes=8)
+    observer.reset()
+    with pytest.raises(InputError, match=said):
+        observer.step(**values)
+    fresh = machine().estimator(lanes=8)
+    fresh.reset()
+    assert observer.step(pressure="0.2 bar").mean == fresh.step(pressure=2e4).mean  # the same bits

@@ -155,6 +155,13 @@ def test_a_free_parameter_that_cannot_be_is_refused_in_a_sentence(free, said):
         bench().fit(record(), free)
 
 
+@pytest.mark.parametrize("evaluations", [0, -1, 2.5, math.nan, "5", None])
+def test_a_number_of_runs_that_is_none_is_refused(evaluations):
+    """NaN searched without an end."""
+    with pytest.raises(InputError, match="evaluations must be a whole number from 1"):
+        bench().fit(record(), {"load.mass": None}, evaluations=evaluations)
+
+
 def test_a_record_of_another_clock_or_without_commands_is_refused():
     with pytest.raises(InputError, match=r"0\.02 s.*uniform\(0\.02\)"):
         bench().fit(record().uniform(0.01), {"load.mass": None})

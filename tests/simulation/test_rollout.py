@@ -97,3 +97,17 @@ def test_a_policy_with_a_command_that_is_none_is_refused():
         run(1.0)
     with pytest.raises(InputError, match="whole number"):
         weight().rollout(policy, steps=0, cost=cost)
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        (lambda parameters, seen: {"muscle": parameters}, r"must return \(commands, cost\)"),
+        (lambda parameters, seen: None, r"must return \(commands, cost\)"),
+        (lambda parameters, seen: (parameters, 0.0), "must return its commands by name"),
+        (0.5, "must be a function"),
+    ],
+)
+def test_a_policy_that_returns_something_else_is_refused_in_a_sentence(own, said):
+    with pytest.raises(InputError, match=f"policy {said}"):
+        weight().rollout(own, steps=1)(0.5)

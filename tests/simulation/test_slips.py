@@ -218,6 +218,39 @@ def test_a_lane_of_a_batch_says_what_its_simulation_would():
         batch.step(muscle=[0.1, math.nan, 0.2])
 
 
+@pytest.mark.parametrize("value", ["3 m", True, "three bar", {}])
+def test_a_batch_takes_words_with_a_unit_and_refuses_what_is_no_pressure(value):
+    batch = mk.Simulation(mk.Plate("nylon"), mk.Air(valve="regulator")).batch(2)
+    batch.step(muscle=["3 bar", "2 bar"])
+    assert batch.kernel.commands[batch.commands.index("muscle")].tolist() == [3e5, 2e5]
+    with pytest.raises(mk.InputError, match="muscle"):
+        batch.step(muscle=value)
+    with pytest.raises(mk.InputError, match="rest_length"):
+        batch.simulation.batch(2, {"units.muscle.law.rest_length": ["14 cm", "14 bar"]})
+
+
+def test_a_supply_below_vacuum_is_refused_by_its_own_name_in_gauge():
+    with pytest.raises(
+        mk.InputError, match=r"supply must be a gauge pressure of vacuum, -1.013 bar, or more, got -6 bar"
+    ):
+        mk.Simulation(mk.Plate("nylon"), mk.Air(supply="-6 bar"))
+
+
+@pytest.mark.parametrize(
+    ("made", "sentence"),
+    [
+        (mk.Weight("nylon", mass=5.0, gravity=-9.8), "must be one where the muscle pulls: .* 49 N, got 12.6 cm"),
+        (mk.Spring("nylon", relaxed="10 cm"), "must be one where the muscle pulls: .* 80 N, got 14 cm"),
+        (mk.Weight("nylon", mass=500.0), "must carry less: 4903 N is not reached: .* at 15.4 cm, its longest"),
+        (mk.Weight("nylon", mass=12.0), "must be a longer span"),
+    ],
+)  # fmt: skip
+def test_a_start_that_no_pressure_holds_says_which_way_it_must_go(made, sentence):
+    """A longer span does not help where the muscle is too weak at its longest."""
+    with pytest.raises(mk.InputError, match=f"start {sentence}"):
+        mk.Simulation(made, mk.Air(valve="regulator")).reset()
+
+
 # ---- spans
 
 

@@ -49,6 +49,8 @@ from ..engine.rates import RK4_LIMIT
 from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..muscles.build import rest_length_of
+from ..muscles.evidence import law_cautions
+from ..muscles.law import law_name
 from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
 from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Circuit
@@ -167,7 +169,7 @@ class CircuitPlan:
 
     @functools.cached_property
     def cautions(self) -> tuple[Caution, ...]:
-        """What can hardly be meant of sizes, start pressures, lengths and commands that the file states.
+        """What can hardly be meant of sizes, start pressures, lengths and commands that the file states, and of its laws.
 
         Raises:
             InputError: a command that its element cannot carry out, or a length that no muscle can have.
@@ -178,6 +180,7 @@ class CircuitPlan:
             spec = self.specimen_of(name)
             courses = [values[node.signal]] if node.signal is not None else []
             if node.law is not None:
+                said += law_cautions(spec, law_name(node.law))
                 rest = rest_length_of(spec, node.law)
                 for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
                     said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")

@@ -264,7 +264,9 @@ class _MuscleNodeTable(_ChamberTable):
         if not name:
             raise place.below("law").fail(None, "is missing")
         if name not in LAWS:
-            raise place.below("law").fail(name, f"{spec.id} states", known=spec.laws)
+            if not (stated := [one for one in spec.laws if one in LAWS]):
+                raise place.below("specimen").fail(spec.id, f"must be a McKibben muscle; it is {spec.kind}")
+            raise place.below("law").fail(name, f"{spec.id} states", known=stated)
         changes, known = place.below("parameters"), declared(law_type(name))
         changes.table(self.parameters).only(known, f"{name} has")
         values = {

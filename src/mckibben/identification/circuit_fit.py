@@ -28,7 +28,7 @@ from ..estimation import (
     conclude,
     widening,
 )
-from ..quantities import Quantity
+from ..quantities import Quantity, whole_number
 from .record_posterior import RecordPosterior, RecordProblem, check_converged, posterior_of_records
 from .sampler import HostModel
 from .trial import Trial, expand
@@ -266,8 +266,7 @@ def fit_circuit(
         raise InputError("trials", None, "must be at least one record")
     if not free:
         raise InputError("free", None, "must be at least one parameter")
-    if evaluations < 1:
-        raise InputError("evaluations", evaluations, "must be at least one")
+    evaluations = whole_number(evaluations, "evaluations", least=1)
     _check_together([*trials, *predict], free)
     problem = CircuitProblem.of(trials, free, start or {}, step)
     best = problem.solve(evaluations, progress)

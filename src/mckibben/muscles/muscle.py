@@ -356,9 +356,10 @@ class Muscle(Module):
         if self.is_biological:
             return _quantity(value, "1", "activation")
         pressure = _quantity(value, "Pa", "pressure")
-        largest = _largest(pressure)
-        if largest is not None:
-            warn(collect(pressure_caution(largest, self.specimen, text=_typed(value, largest))), stacklevel=3)
+        if _largest(pressure) is not None:
+            ends = dict.fromkeys((float(np.nanmax(pressure)), min(float(np.nanmin(pressure)), 0.0)))
+            said = (pressure_caution(one, self.specimen, text=_typed(value, one)) for one in ends)
+            warn(collect(*said), stacklevel=3)
         return pressure
 
     def _ask(self, question: str, *arguments: Any) -> Any:

@@ -29,6 +29,7 @@ LARGEST_STRAIN = 0.035
 # Beyond this multiple of what is usual a value is a slip, not a choice.
 SLIP = 3.0
 LEAST_PRESSURE = 2e3  # [Pa]; inflates nothing
+LEAST_GAUGE = -1.1e5  # [Pa]; below it there is none: the air of the room is at most 1.1 bar
 PRESSURE_UNITS = ("bar", "kPa", "psi", "mbar", "Pa", "MPa")
 LENGTH_UNITS = ("cm", "mm", "m", "inch")
 MEASURED_PRESSURE = "highest_measured_pressure"
@@ -91,6 +92,8 @@ def pressure_caution(
     """
     most, whose = highest_pressure(spec)
     shown = with_unit(pressure, "Pa")
+    if pressure < LEAST_GAUGE:
+        return Caution(f"a {name} of {shown} is below vacuum: there is none", name)
     if 0.0 < pressure < LEAST_PRESSURE:
         meant = likely_unit(text, "Pa", PRESSURE_UNITS, LEAST_PRESSURE, most, USUAL_PRESSURE)
         return Caution(f"a {name} of {shown} inflates no muscle{meant}", name) if meant else None

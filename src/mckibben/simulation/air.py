@@ -127,7 +127,10 @@ class Air(Stated):
         if not isinstance(room, Environment):
             raise InputError("environment", None, f"must be an Environment, got {room!r}")
         valve = self._valve()
-        supply = self.si("supply")
+        supply, vacuum = self.si("supply"), -float(room.pressure_abs)
+        if not supply >= vacuum:
+            problem = f"must be a gauge pressure of vacuum, {with_unit(vacuum, 'Pa')}, or more"
+            raise InputError("supply", with_unit(supply, "Pa"), problem)
         line = AirLine(
             valve=valve,
             tube=self._tube(room),

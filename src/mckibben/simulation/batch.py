@@ -12,7 +12,7 @@ from .._jax import Scalar, Tree
 from ..answers import Caution, brief
 from ..components import paths
 from ..errors import InputError
-from ..quantities import whole_number
+from ..quantities import in_si, whole_number
 from ..recordings.memory import SHARE, free_memory
 from ..recordings.recording import Recording
 from .kernel import SampleKernel, SteppedSimulation
@@ -72,6 +72,7 @@ class SimulationBatch:
             raise InputError("lanes", lanes, f"must be at most {most:,}, for which there is memory")
         self.simulation, self.lanes, self.period = simulation, lanes, simulation.period
         self.commands = simulation.commands
+        self._units = {drive.command: drive.unit for drive in simulation.drives}
         self._changes = {path: self._checked(path, values) for path, values in changes.items()}
         self._parameters = simulation.parameters
         if self._changes:
@@ -109,7 +110,7 @@ class SimulationBatch:
 
     def _checked(self, path: str, values: Scalar) -> np.ndarray:
         stated = paths.declaration(self.simulation.machine, path)
-        array = np.asarray(values, float)
+        array = np.asarray(in_si(values, stated.unit, field=path), float)
         if array.shape[-1:] != (self.lanes,):
             raise InputError(path, None, f"must have a value for each of {self.lanes} lanes, got shape {array.shape}")
         stated.check(path, array)
@@ -152,7 +153,7 @@ class SimulationBatch:
 
         Args:
             *unnamed: none; commands are given by name.
-            **commands: by name, a number for all lanes or an array (lanes,) [SI].
+            **commands: by name, a number for all lanes or an array (lanes,) [SI, or words with a unit].
 
         Raises:
             InputError: names an unknown command, one that is given without its name, or an array of another shape.
@@ -166,7 +167,7 @@ class SimulationBatch:
         for name, value in commands.items():
             if name not in entries:
                 raise InputError("command", name, known=self.commands)
-            array = np.asarray(value, float)
+            array = np.asarray(in_si(value, self._units[name], field=name), float)
             if array.shape not in ((), (self.lanes,)):
                 raise InputError(name, None, f"must be a number or {self.lanes} values, got shape {array.shape}")
             self.kernel.set_command(entries[name][0], array)

@@ -27,7 +27,8 @@ from ..components import paths
 from ..errors import ConvergenceError, InputError
 from ..estimation import NORMAL_QUANTILE, Estimate
 from ..muscles.evidence import make_spread
-from ..quantities import declared, parse
+from ..muscles.plausible import LEAST_GAUGE
+from ..quantities import declared, parse, with_unit
 from .batch import SimulationBatch
 from .fit import find_parameters
 from .kernel import SteppedSimulation
@@ -111,6 +112,8 @@ class Estimator:
             stated = (noise or {}).get(name)
             own = 0.0 if simulation.noise is None else float(simulation.noise[fields.index(name)])
             self.noise[name] = own if stated is None else in_si(stated, units[name], f"noise of {name}")
+            if self.noise[name] < 0.0:
+                raise InputError("noise", name, "must be a standard deviation above zero")
             if not self.noise[name] > 0.0:
                 self.noise[name] = SENSORS.get(units[name], 1e-3)
                 said.append(
@@ -118,6 +121,7 @@ class Estimator:
                         f"the noise of {name} is taken as {self.noise[name]:g} {units[name]}: state noise=..", "noise"
                     )
                 )
+        self._units = units | {drive.command: drive.unit for drive in simulation.drives}
         self.loads = self._loads(unknown)
         self.spread = (
             self._muscles(said) if spread is None else {_number(simulation, p): _share(v, p) for p, v in spread.items()}
@@ -230,15 +234,16 @@ class Estimator:
         )
         return self._estimated()
 
-    def step(self, *unnamed: object, **values: float) -> Estimated:
+    def step(self, *unnamed: object, **values: Amount) -> Estimated:
         """Go on by one sample: what was commanded during it, and what was measured at its end.
 
         Args:
             *unnamed: none; all is given by name.
-            **values: commands, of which one that is left out stays, and measured fields, of which one may be missing [SI].
+            **values: commands, of which one that is left out stays, and measured fields, of which one may be missing or NaN
+                [SI, or words with a unit].
 
         Raises:
-            InputError: names what is neither.
+            InputError: names what is neither, or a value that is no number of its unit or below vacuum.
             ConvergenceError: no lane can go on.
         """
         if unnamed:
@@ -250,6 +255,8 @@ class Estimator:
             if name not in self.simulation.command_entries or name in self.loads:
                 given = [n for n in self.simulation.commands if n not in self.loads]
                 raise InputError("step", name, known=[*given, *self.measured])
+        commanded = {name: in_si(value, self._units[name], name) for name, value in commands.items()}
+        seen = {name: self._seen(name, values[name]) for name in self.measured if name in values}
         self._load *= math.exp(-self.simulation.period / LASTS)
         self._load += self._walk * self._random.standard_normal(self._load.shape)
         flow = FLOW * math.sqrt(self.simulation.period)
@@ -257,17 +264,28 @@ class Estimator:
             self._kernel.carry[row, : self.lanes] *= 1.0 + flow * self._random.standard_normal(self.lanes)
         drift = self._shares * DRIFT * math.sqrt(self.simulation.period)
         self._parameters *= 1.0 + drift * self._random.standard_normal(self._parameters.shape)
-        self._advance(commands)
+        self._advance(commanded)
         self._time += self.simulation.period
-        here = [k for k, name in enumerate(self.measured) if name in values and math.isfinite(values[name])]
+        here = [k for k, name in enumerate(self.measured) if math.isfinite(seen.get(name, math.nan))]
         if here:
-            self._correct({k: float(values[self.measured[k]]) for k in here})
+            self._correct({k: seen[self.measured[k]] for k in here})
         return self._estimated()
+
+    def _seen(self, name: str, value: Amount) -> float:
+        """What a sensor showed [SI]; NaN where it showed nothing."""
+        if isinstance(value, float) and math.isnan(value):
+            return math.nan
+        number = in_si(value, self._units[name], name)
+        if self._units[name] == "Pa" and number < LEAST_GAUGE:
+            raise InputError(
+                name, with_unit(number, "Pa"), "must be a gauge pressure above vacuum, or NaN where missing"
+            )
+        return number
 
     def _advance(self, commands: Mapping[str, float]) -> None:
         kernel = self._kernel
         for name, value in commands.items():
-            kernel.set_command(self.simulation.command_entries[name][0], float(value))
+            kernel.set_command(self.simulation.command_entries[name][0], value)
         for place, row in zip(self._places, self._load, strict=True):
             kernel.set_command(place, row)
         broken = sorted(kernel.step_lanes())

@@ -24,7 +24,7 @@ from ..components import paths
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
 from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude
-from ..quantities import Quantity, named_values, with_unit
+from ..quantities import Quantity, named_values, whole_number, with_unit
 from ..recordings.recording import Recording
 from .batch import SimulationBatch
 from .kernel import SteppedSimulation
@@ -454,6 +454,7 @@ def fit(
     """Fit a simulation to a record; see `Simulation.fit`."""
     if not isinstance(record, Recording):
         raise InputError("record", type(record).__name__, "must be a Recording, as mk.load or sim.recording() gives it")
+    evaluations = whole_number(evaluations, "evaluations", least=1)
     unknowns, shown = _Unknowns(simulation, free), _samples_of(train, record.time)
     sensors, parameters = _compared(simulation, record, measured, channels), unknowns.parameters
     drive = _Drive.of(simulation, record, channels, settle, shown)

@@ -25,7 +25,7 @@ from ..muscles import Muscle
 from ..muscles.elements import Tendon
 from ..muscles.evidence import law_cautions
 from ..muscles.law import law_name
-from ..muscles.plausible import argument_cautions, span_cautions, span_limits, working_span
+from ..muscles.plausible import HIGHEST_PRESSURE, argument_cautions, span_cautions, span_limits, working_span
 from ..quantities import amount, amounts, declared, has_dimension, parse, with_unit
 from ..specimens import Specimen, muscle_specimen
 from .stepping import CommandInput
@@ -117,11 +117,17 @@ def carrying_pressure(unit: MuscleUnit, tension: float, span: float) -> float:
         InputError: no pressure does; says which way the start must go, and where the muscle carries it without pressure.
     """
     try:
+        if tension < 0.0:
+            problem = f"must be one where the muscle pulls: what it carries there pushes it with {-tension:.4g} N"
+            raise InputError("start", with_unit(span, "m"), problem)
         return unit.law.pressure_for(tension, span)
     except UnreachableError as error:
         if tension < (least := float(unit.law.tension(span, 0.0))):
             problem = f"must be a shorter span: at {with_unit(span, 'm')} the muscle pulls with {least:.4g} N without "
             problem += f"pressure, more than the {tension:.4g} N that it carries"
+        elif tension > (most := float(unit.law.tension(longest := span_limits(unit.law)[2], HIGHEST_PRESSURE))):
+            problem = f"must carry less: {tension:.4g} N is not reached: with {with_unit(HIGHEST_PRESSURE, 'Pa')} "
+            problem += f"the muscle pulls with {most:.4g} N at {with_unit(longest, 'm')}, its longest"
         else:
             problem = f"must be a longer span: {str(error)[:1].lower() + str(error)[1:]}"
         raise InputError("start", None, problem) from None

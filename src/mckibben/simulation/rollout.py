@@ -57,6 +57,8 @@ class Rollout:
     ) -> None:
         if not (isinstance(steps, int) and steps >= 1):
             raise InputError("steps", steps, "must be a whole number of 1 or more")
+        if not callable(policy):
+            raise InputError("policy", type(policy).__name__, "must be a function of (parameters, observation)")
         self.simulation, self.policy, self.steps, self.cost = simulation, policy, steps, cost
         programs = simulation.programs
         self._fields = len(programs.fields)
@@ -167,6 +169,10 @@ class Rollout:
             carry, observed, held = now
             seen = self._observation(observed, (sample + index) * simulation.period)
             decided = self.policy(parameters, seen)
+            if self.cost is None and not (isinstance(decided, tuple | list) and len(decided) == 2):
+                raise InputError(
+                    "policy", type(decided).__name__, "must return (commands, cost) where no cost is stated"
+                )
             commands, price = decided if self.cost is None else (decided, None)
             held = self._held(held, commands)
             carry, observed = self._step(plant, carry, held)
@@ -187,8 +193,11 @@ class Rollout:
     def _observation(self, observed: Any, time: Scalar) -> Any:
         return self.simulation.Observation(time, *(observed[k] for k in range(self._fields)))
 
-    def _held(self, held: Any, commands: Mapping[str, Scalar]) -> Any:
+    def _held(self, held: Any, commands: Any) -> Any:
         known = self.simulation.commands
+        if not isinstance(commands, Mapping):
+            shown = f"must return its commands by name, as in {{{known[0]!r}: 0.0}}"
+            raise InputError("policy", type(commands).__name__, shown)
         for name in commands:
             if name not in known:
                 raise InputError("command", name, known=known)

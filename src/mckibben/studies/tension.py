@@ -286,7 +286,7 @@ def _drives(
         raise InputError(
             "pressure", None, "is missing: give a gauge pressure such as '5 bar', or a tension with {target_tension}"
         )
-    if min(pressure) < -1.1e5 or max(pressure) > 1e8:
+    if min(pressure) < muscles.plausible.LEAST_GAUGE or max(pressure) > 1e8:
         raise InputError("pressure", typed(pressure), "must be between -1.1 bar (vacuum) and 1000 bar gauge")
     return list(pressure)
 
