@@ -126,7 +126,7 @@ def test_a_fit_refuses_records_that_do_not_go_together() -> None:
     refusal(lambda: fit_circuit([unknown], [FREE]), "tnak.pressure_abs", "tank.pressure_abs")
     late = trial("late", measured={"tnak.pressure_abs": np.linspace(1e5, 3e5, N)})
     refusal(lambda: fit_circuit([trial()], [FREE], predict=[late]), "late: ", "tnak.pressure_abs")
-    refusal(lambda: fit_circuit([trial()], [FREE], evaluations=0), "evaluations", "at least one")
+    refusal(lambda: fit_circuit([trial()], [FREE], evaluations=0), "evaluations", "from 1")
 
 
 def test_a_start_from_which_nothing_runs_is_said() -> None:

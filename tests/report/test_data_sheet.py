@@ -1,9 +1,11 @@
 """The data sheet of a muscle: one page, in the terms of makers' sheets, with the numbers of the law."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import get_data_path
 
 from mckibben.errors import InputError
 from mckibben.report import document_pdf
@@ -43,7 +45,7 @@ def test_a_sheet_is_one_page_in_html_and_pdf(name, tmp_path):
     typst = pytest.importorskip("typst")
     found = describe_muscle(name)
     files = document_pdf.sources(data_sheet(found))
-    pages = typst.compile(files, format="png", font_paths=document_pdf._fonts(), ppi=20)
+    pages = typst.compile(files, format="png", font_paths=[str(Path(get_data_path()) / "fonts" / "ttf")], ppi=20)
     assert not isinstance(pages, list) or len(pages) == 1
     text = found.data_sheet(tmp_path / "sheet.html").read_text(encoding="utf-8")
     assert "Operating pressure" in text and found.data_sheet(tmp_path / "sheet.pdf").read_bytes().startswith(b"%PDF")

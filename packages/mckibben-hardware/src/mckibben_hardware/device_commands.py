@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from mckibben.bench import hardware, rig_file, segment
-from mckibben.bench.prepare import prepare
+from mckibben.bench import hardware, prepare, rig_file, segment
 from mckibben.cli._outputs import OBJECT, RECORDING, SPECIMEN, OutputKinds, Paths, write_recording
 from mckibben.cli._progress import progress
 from mckibben.cli._reading import Change, Muscle, NoiseSeed, On, Plumbing, ProtocolName, RigName
@@ -54,7 +53,7 @@ def serve(
         raise InputError("--out", str(port), "must be a file in a folder that is there")
     try:
         changes = pairs(change, "--set", CHANGE)
-        bench = prepare(protocol, muscle=muscle, rig=rig, changes=changes, plumbing=plumbing, seed=seed)
+        bench = prepare.prepare(protocol, muscle=muscle, rig=rig, changes=changes, plumbing=plumbing, seed=seed)
     except InputError as error:
         raise error.changed(field=error.field.replace("changes.", "--set ")) from None
     part = next(bench.segments())
