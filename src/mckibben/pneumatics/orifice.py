@@ -201,7 +201,7 @@ def opening_flow(
         # a choice, not max and min: at equal pressures their derivatives would cancel
         jnp.where(forward, a.pressure_abs, b.pressure_abs),
         # of each node and then chosen: one division for all restrictions at a node, none where its temperature is given
-        jnp.where(forward, _density_over_air(a), _density_over_air(b)),
+        jnp.where(forward, density_over_air(a), density_over_air(b)),
         jnp.where(forward, b.pressure_abs, a.pressure_abs),
         conductance=(orifice.conductance if conductance is None else conductance) * opening,
         critical_ratio=orifice.critical_ratio,
@@ -210,7 +210,8 @@ def opening_flow(
     return jnp.where(forward, flow, -flow)
 
 
-def _density_over_air(at: GasState) -> Scalar:
+def density_over_air(at: GasState) -> Scalar:
+    """Density of a gas over that of the air of the reference atmosphere at the same pressure: T0/T in air [1]."""
     return REFERENCE_TEMPERATURE / at.temperature * (AIR.gas_constant / at.gas.gas_constant)
 
 

@@ -8,17 +8,17 @@ from typing import ClassVar
 from .._jax import Tree, jnp
 from ..components import Scalar, field
 from ..components.flow import FlowElement, Gases, GasState, TwoPort
-from ..components.gas import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
+from ..components.gas import REFERENCE_DENSITY
 from ..errors import InputError
 from ..quantities import quantity
-from .orifice import Orifice, conductance_flow, opening_flow, steepest_slope
+from .orifice import Orifice, conductance_flow, density_over_air, opening_flow, steepest_slope
 from .solenoid import EASED_SLOPE, PilotStage, Solenoid, between, eased, share
 
 
 def _steepest_while_moving(edge: Orifice, a: GasState, b: GasState, growth: Scalar, band: Scalar) -> Scalar:
     """Slope of an open edge and of its opening, which grows by at most growth / band [kg/(s Pa)]."""
-    upstream = jnp.where(a.pressure_abs >= b.pressure_abs, a.temperature, b.temperature)
-    choked = edge.conductance * REFERENCE_DENSITY * jnp.sqrt(REFERENCE_TEMPERATURE / upstream)
+    upstream = jnp.where(a.pressure_abs >= b.pressure_abs, density_over_air(a), density_over_air(b))
+    choked = edge.conductance * REFERENCE_DENSITY * jnp.sqrt(upstream)
     # the flow once it chokes is the most that an opening can change
     choked = choked * jnp.maximum(a.pressure_abs, b.pressure_abs)
     return steepest_slope(edge, a, b) + choked * growth / band
@@ -55,7 +55,7 @@ class CheckValve(TwoPort):
         lifted = self.cracking_pressure + self.band
         flow = conductance_flow(
             a.pressure_abs,
-            REFERENCE_TEMPERATURE / a.temperature,
+            density_over_air(a),
             jnp.maximum(a.pressure_abs - lifted, 0.0),
             conductance=self.passage.conductance,
             critical_ratio=self.passage.critical_ratio,

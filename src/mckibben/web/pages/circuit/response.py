@@ -16,7 +16,7 @@ from ....analysis.steps import LAST, settling, step_responses
 from ....assembly.circuit_file import CircuitPlan
 from ....components import paths
 from ....components.flow import GasState
-from ....components.gas import AIR, REFERENCE_PRESSURE, REFERENCE_TEMPERATURE
+from ....components.gas import REFERENCE_DENSITY
 from ....components.system import Moment, System, Value
 from ....documents import JsonValue
 from ....engine.integration import ATTEMPTS, MOST_PARTS, ROS2_LIMIT, march
@@ -205,8 +205,7 @@ def flow_channel(plan: CircuitPlan, element: str) -> str:
 
 def litres(mass_flow: Scalar) -> np.ndarray:
     """Convert a mass flow [kg/s] to that of reference air [L/min]."""
-    density = float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
-    return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / density
+    return from_si(1.0, "m^3/s", "l/min") * np.asarray(mass_flow) / REFERENCE_DENSITY
 
 
 def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> ResponseNumbers:
@@ -214,7 +213,7 @@ def measured(plan: CircuitPlan, record: Recording, node: str, element: str) -> R
     channel = f"{node}.pressure"
     stepping = [n for n, s in plan.signals.items() if s.unit != "m" and s.waveform.kind == "steps"]
     flow = record[flow_channel(plan, element)] if element else np.zeros(1)
-    largest = float(np.abs(flow).max()) / float(AIR.density(REFERENCE_PRESSURE, REFERENCE_TEMPERATURE))
+    largest = float(np.abs(flow).max()) / REFERENCE_DENSITY
     before, after = float(record[channel][0]), float(record[channel][-1])
     try:
         one = step_responses(record, command=stepping[0], channel=channel, median=1)[0] if stepping else None
@@ -348,7 +347,7 @@ def facts(plan: CircuitPlan, name: str) -> list[tuple[str, str]]:
         if any(volumes):
             rows.append(("Its own volume", with_unit(sum(volumes), "m^3", 3).replace("^3", "\u00b3")))
         if "length" in dict(paths.parameters(element)):
-            speed = float(AIR.sound_speed(float(plan.environment.temperature)))
+            speed = float(plan.circuit.gas.sound_speed(float(plan.environment.temperature)))
             across = from_si(float(inertance(length=element.length, area=float(element.area))), "1/m", "1/cm")
             rows.append(("Sound passes in", f"{from_si(float(element.length) / speed, 's', 'ms'):.3g} ms"))
             rows.append(("Inertance l/A", f"{across:.4g} cm\u207b\u00b9"))
