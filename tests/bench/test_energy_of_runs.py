@@ -12,7 +12,7 @@ from mckibben.bench.joint_run import joint_stand, run_joint
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import run
 from mckibben.cli import main
-from mckibben.errors import InputError
+from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.recordings import read_recording
 
 DESTROYED = ("valve", "tube", "dead_volume", "exhaust", "leak", "machine", "mixing", "heat", "friction", "viscous")
@@ -124,7 +124,9 @@ def test_measured_channels_give_the_work_and_roughly_the_air():
     """Work while it shortens within 8 %: 8 bits, and the lag of the cell's filter at 5 Hz. Air within a half: these chambers
     are adiabatic, and the estimate takes gas at the room's temperature.
     """
-    account, estimate = (energy_account(done("isotonic-triangle"), measured=m) for m in (False, True))
+    account = energy_account(done("isotonic-triangle"))
+    with pytest.warns(PlausibilityWarning, match="at different mean pressures"):  # the first cycle comes from the rest
+        estimate = energy_account(done("isotonic-triangle"), measured=True)
     assert estimate.kind == "measured" and "heat" in estimate.unknown and "heat" not in [p.name for p in estimate.parts]
     assert {p.origin for p in estimate.parts} == {"estimate", "remainder"}
     true = np.mean([c.work_out for c in account.cycles])

@@ -295,7 +295,7 @@ def account() -> EnergyAccount:
         ("leak", 0.1, "out"), ("remainder", 1e-6, "remainder"),
     ]  # fmt: skip
     made = tuple(EnergyPart(name, value, side, "integral") for name, value, side in parts)
-    return EnergyAccount("simulated", made, (), (), 12.0, 1e-4, {}, (), (), (), 1e5, lambda _: (0.0,) * 4)
+    return EnergyAccount("simulated", made, (), (), 12.0, 1e-4, {}, (), (), 1e5, lambda _: (0.0,) * 4)
 
 
 def trials(name: str) -> Any:

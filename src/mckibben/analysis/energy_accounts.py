@@ -102,7 +102,6 @@ def _simulated(part: Recording, about: Mapping[str, Any], *, whole: bool, cycle:
         compressor=dict(about["compressor"]) if whole else _compressor(pieces),
         cycles=tuple(tried),
         unknown=(),
-        notes=(),
         cautions=collect(*cautions),
         room_pressure=float(room.pressure_abs),
         caught=lambda p: _caught(pieces, p, summed),
@@ -156,10 +155,9 @@ def _cycles(piece: Flows, channel: str | None, cautions: list[Caution]) -> list[
         held = {f"{m}.pressure": record[f"{m}.pressure"] for m in muscles}
         all_cycles, caution = closed_cycles(all_cycles, record.time, held)
         cautions += [caution] if caution else []
-    except InputError as error:
+    except InputError:
         if channel is not None:
             raise
-        cautions.append(Caution(f"no cycles: {error}"))
         return []
     pressure = piece.supply_pressure()
     each = float(piece.dead.compression(pressure, cooled=False)) if np.isfinite(pressure) else np.nan
@@ -278,7 +276,6 @@ def estimate(
         compressor=work,
         cycles=cycles,
         unknown=tuple(unknown),
-        notes=("estimated with the gas at the room's temperature and the muscle at rest on its law",),
         cautions=cautions,
         room_pressure=float(basis.dead.pressure_abs),
         caught=lambda p: _caught_in_cycles(pairs, cycles, basis, p),

@@ -121,6 +121,10 @@ class Saving(NamedTuple):
     efficiency: float
 
 
+ASSUMED = "estimated with the gas at the room's temperature and the muscle at rest on its law"
+WITHOUT_CYCLES = "no cycle was found: the parts are those of the whole stretch"
+
+
 @dataclass(frozen=True, repr=False)
 class EnergyAccount(Answer):
     """An account; see the module.
@@ -135,13 +139,12 @@ class EnergyAccount(Answer):
         compressor: least work for it, ``isothermal`` and ``adiabatic`` [J].
         cycles: in their order.
         unknown: names of what cannot be told from this recording, which are not zero.
-        notes: sentences.
         caught: air [kg] and exergy [J] that an accumulator at an absolute pressure would catch, and the supply's exergy
             and shaft work [J] of the same stretch.
         file: path of the recording; None where it was no file.
         title: of the recording.
         saving: by the accumulator that was asked for.
-        cautions: about values that can only be slips.
+        cautions: about cycles that were left out or differ, and values that can only be slips.
     """
 
     kind: str
@@ -153,7 +156,6 @@ class EnergyAccount(Answer):
     compressor: Mapping[str, float]
     cycles: tuple[CycleEnergy, ...]
     unknown: tuple[str, ...]
-    notes: tuple[str, ...]
     room_pressure: float
     caught: Callable[[float], tuple[float, float, float, float]]
     file: str | None = None
@@ -179,6 +181,11 @@ class EnergyAccount(Answer):
             why = "cannot be known from this recording; " if name in self.unknown else ""
             raise InputError("part", name, f"{why}the account has", known=dict.fromkeys(p.name for p in self.parts))
         return values[0]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the account takes for granted, and that nothing repeats."""
+        return (*([ASSUMED] if self.kind == "measured" else []), *([] if self.cycles else [WITHOUT_CYCLES]))
 
     @property
     def remainder(self) -> float:

@@ -86,7 +86,7 @@ def flow_document(account: EnergyAccount, part: str, accumulator: float | None) 
         said = ["The pressure of the supply is not known from this recording, and nothing that is counted against it."]
     if account.unknown:
         said.append(f"Unknown, and not zero: {', '.join(account.unknown)}.")
-    said += [sentence(said_too) for said_too in (*account.notes, *map(str, account.cautions))]
+    said += [sentence(words) for words in (*account.notes, *map(str, account.cautions))]
     if accumulator is not None and accumulator > 0.0 and known and not part:
         saving = account.saved_by_accumulator(accumulator)
         said.append(
