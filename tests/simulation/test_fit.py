@@ -169,5 +169,9 @@ def test_a_record_of_another_clock_or_without_commands_is_refused():
         bench().fit(record().pick(["load.position"]), {"load.mass": None})
     with pytest.raises(InputError, match="laser"):
         bench().fit(record(), {"load.mass": None}, channels={"position": "laser"})
+    with pytest.raises(InputError, match="Unknown channels 'positon'. Did you mean 'position'"):
+        bench().fit(record(), {"load.mass": None}, channels={"positon": "position"})
+    with pytest.raises(InputError, match="measured must be one field or more"):
+        bench().fit(record(), {"load.mass": None}, measured=[])
     with pytest.raises(InputError, match="two samples"):
         bench().fit(record(), {"load.mass": None}, train=slice(0, 1))

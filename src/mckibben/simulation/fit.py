@@ -160,6 +160,9 @@ class _Drive(NamedTuple):
                 f"must be sampled every {with_unit(period, 's')}, as the simulation is: use record.uniform({period:g})"
             )
             raise InputError("record", None, problem)
+        for name in channels or ():
+            if name not in (known := (*simulation.commands, *simulation.programs.fields)):
+                raise InputError("channels", name, known=known)
         found = {name: _channel(record, [f"{name}.command", name], channels, name) for name in simulation.commands}
         driven = {drive.command for drive in simulation.air.drives}
         if not any(found[name] is not None for name in driven):
@@ -504,6 +507,8 @@ def _compared(
 ) -> dict[str, str]:
     """The channel of each field that is compared: of those asked for, else all that were measured, else all there are."""
     fields = simulation.programs.fields
+    if measured is not None and not measured:
+        raise InputError("measured", None, f"must be one field or more of {', '.join(fields)}")
     for name in measured or ():
         if name not in fields:
             raise InputError("measured", name, known=fields)
