@@ -309,3 +309,21 @@ def test_a_parameter_that_is_changed_is_judged_as_one_that_is_stated():
     with pytest.warns(mk.errors.PlausibilityWarning):
         changed = sim.with_parameters({"load.mass": "5 t"})
     assert [one.parameter for one in changed.cautions] == ["load.mass"]
+
+
+def test_a_set_point_above_the_supply_is_said_also_where_the_supply_is_changed():
+    # The muscle stands at 4 bar whatever is asked for above: without a word that is an answer to another question.
+    above = "above the supply of 4 bar"
+    sim = mk.Simulation(mk.Plate("DMSP-20-300"), mk.Air(supply="4 bar", valve="regulator"))
+    before = sim.cautions
+    sim.step(muscle=4e5)
+    assert sim.cautions == before
+    with pytest.warns(mk.errors.PlausibilityWarning, match=above):
+        sim.step(muscle=5e5)
+    less = mk.Simulation(mk.Plate("DMSP-20-300"), mk.Air(supply="6 bar", valve="regulator"))
+    less = less.with_parameters({"circuit.nodes.supply.pressure_abs": "3 bar"})
+    with pytest.warns(mk.errors.PlausibilityWarning, match="above the supply of 1.987 bar"):
+        less.step(muscle=4e5)
+    whole = mk.Simulation(mk.Plate("DMSP-20-300"), mk.Air(supply="4 bar", valve="regulator"))
+    with pytest.warns(mk.errors.PlausibilityWarning, match=above):
+        whole.batch(2).step(muscle=[3e5, 5e5])

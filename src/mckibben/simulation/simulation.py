@@ -134,11 +134,7 @@ class Simulation(SteppedSimulation):
         self.programs = Programs(self.plant, example, self.commands)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        # of each command its place, and between which values there is nothing to say; `check_command` has the rest
-        self.command_entries = {
-            name: (place, *self._drive(name).silent(self._specimen_of(name)))
-            for place, name in enumerate(self.commands)
-        }
+        self.command_entries = self._entries()
         self._said: set[tuple[str, bool]] = set()
         self.cautions: tuple[Caution, ...] = ()
         self.caution(*said, stacklevel=3)
@@ -559,6 +555,15 @@ class Simulation(SteppedSimulation):
             self.check_command(name, number)
             self._buffer[place] = number
 
+    def _entries(self) -> dict[str, tuple[int, float, float]]:
+        """Of each command its place, and between which values there is nothing to say; `check_command` has the rest."""
+        drives = ((self._drive(name), self._specimen_of(name)) for name in self.commands)
+        limits = (drive.silent(spec, reach=self._reach(drive)) for drive, spec in drives)
+        return {name: (place, *pair) for place, (name, pair) in enumerate(zip(self.commands, limits, strict=True))}
+
+    def _reach(self, drive: CommandInput) -> float:
+        return drive.reach(self.machine.circuit, self.machine.environment)
+
     def _drive(self, command: str) -> CommandInput:
         return next(d for d in self.drives if d.command == command)
 
@@ -585,7 +590,7 @@ class Simulation(SteppedSimulation):
         drive, side = self._drive(name), (name, bool(value > high))
         if side in self._said and not drive.hard and math.isfinite(value):
             return
-        said = drive.check(value, self._specimen_of(name))
+        said = drive.check(value, self._specimen_of(name), reach=self._reach(drive))
         begins = drive.unit == "Pa" and MEANT_IN_BAR < value < low and value != self._buffer[place]
         if said is not None and side not in self._said and (lasting or not begins):
             self._said.add(side)
@@ -622,6 +627,7 @@ class Simulation(SteppedSimulation):
         self.plant = self.plant.replace(machine=machine)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
+        self.command_entries = self._entries()
         self._attach()
         self._rests, self._begin, self._log, self._sensed = {}, None, [], []
 

@@ -16,7 +16,7 @@ import numpy as np
 from .._jax import Tree, jnp
 from ..answers import Caution, brief
 from ..assembly.machine import Machine
-from ..components import Scalar, field
+from ..components import Environment, Scalar, field
 from ..components.system import Exchange, Moment, Plant
 from ..engine import sampled
 from ..engine.packed import Layout
@@ -25,7 +25,9 @@ from ..engine.soundness import balance_errors, soundness, switched
 from ..engine.step import integrands_of, watched_of, zero_integrals
 from ..errors import InputError
 from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution
+from ..pneumatics.circuit import Circuit
 from ..pneumatics.solenoid import between
+from ..pneumatics.volume import Reservoir
 from ..quantities import with_unit
 from ..slips import size_caution
 from ..specimens import Specimen
@@ -85,23 +87,32 @@ class CommandInput(NamedTuple):
     usual: tuple[float, float] = (0.0, math.inf)
     limits: tuple[float, float] | None = None
 
-    def silent(self, spec: Specimen | None = None) -> tuple[float, float]:
+    def reach(self, circuit: Circuit, room: Environment) -> float:
+        """Highest set-point that the supply of its regulators lets them reach [unit]; infinite of other commands."""
+        ambient = float(np.max(room.pressure_abs))
+        fed = [circuit.nodes[nodes[0]] for nodes, signal in circuit.ends.values() if signal == self.signal]
+        given = [one for one in fed if isinstance(one, Reservoir) and one.signal is None and self.unit == "Pa"]
+        return min((float(np.min(one.pressure_abs)) - ambient for one in given), default=math.inf)
+
+    def silent(self, spec: Specimen | None = None, *, reach: float = math.inf) -> tuple[float, float]:
         """Commands from and to which there is nothing to say [unit]; `check` knows the rest.
 
         Args:
             spec: muscle whose pressure it is.
+            reach: see `reach`.
         """
         (low, high), (least, most) = self.range, self.usual
         if self.unit == "Pa":
-            least, most = LEAST_PRESSURE, highest_usual_pressure(spec)
+            least, most = LEAST_PRESSURE, min(highest_usual_pressure(spec), reach + LEAST_PRESSURE)
         return max(low, least or -most), min(high, most)
 
-    def check(self, value: float, spec: Specimen | None = None) -> Caution | None:
+    def check(self, value: float, spec: Specimen | None = None, *, reach: float = math.inf) -> Caution | None:
         """Caution about a command that acts otherwise than it says, or can hardly be meant; None if it is usual.
 
         Args:
             value: of the command [unit].
             spec: muscle whose pressure it is.
+            reach: see `reach`.
 
         Raises:
             InputError: it is no finite number, or cannot be carried out.
@@ -113,7 +124,10 @@ class CommandInput(NamedTuple):
         ends = ends if math.isfinite(high) else f"{with_unit(low, self.unit)} and more"
         if low <= value <= high:
             if self.unit == "Pa":
-                return pressure_caution(value, spec, text=f"{value:g}", name=f"command {self.command}")
+                unusual = pressure_caution(value, spec, text=f"{value:g}", name=f"command {self.command}")
+                above = f"a command {self.command} of {shown} is above the supply of {with_unit(reach, 'Pa')}"
+                said = f"{above}, which is all that comes" if value > reach + LEAST_PRESSURE else ""
+                return unusual or (Caution(said, f"command {self.command}") if said else None)
             return size_caution(value, self.unit, name=f"command {self.command}", usual=self.usual)
         if self.hard:
             raise InputError(self.command, shown, f"must be from {ends}")

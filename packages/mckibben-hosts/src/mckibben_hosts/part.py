@@ -173,8 +173,14 @@ class Part:
             for name, muscle in named.items()
         }
         self.span_limits = {name: span_limits(unit.law) for name, unit in units.items()}
+        # of each command the specimen whose pressure it is, and what its supply lets it reach
+        specs = {d.command: published(named[d.command]) if d.command in named else None for d in self.air.drives}
+        self._judged = {
+            d.command: (specs[d.command], d.reach(machine.circuit, machine.environment)) for d in self.air.drives
+        }
         self._silent = {
-            d.command: d.silent(published(named[d.command]) if d.command in named else None) for d in self.air.drives
+            d.command: d.silent(spec, reach=reach)
+            for d, (spec, reach) in zip(self.air.drives, self._judged.values(), strict=True)
         }
         self._said: set[str] = set()  # commands of which something was said
         said = [*self.air.cautions, size_caution(substep, "s", name="substep", usual=USUAL_SUBSTEPS)]
@@ -443,7 +449,8 @@ class Part:
 
     def command_caution(self, drive: CommandInput, value: float) -> None:
         """Say once of a command that it can hardly be meant; raises `InputError` where it cannot be carried out."""
-        said = drive.check(value)
+        spec, reach = self._judged[drive.command]
+        said = drive.check(value, spec, reach=reach)
         if said is not None and drive.command not in self._said:
             self._said.add(drive.command)
             warn([said], stacklevel=5)
