@@ -108,10 +108,12 @@ def train(
                 break
             layers = jax.tree.map(np.asarray, changed)
             seconds += time.monotonic() - began  # without looking at what was learned
-            error, _ = ppo.evaluate(name, lambda shown, now=layers: act(now, shown), SEEN)
-            curve.append((iteration * LANES * task.samples, seconds, error))
+            errors, *_ = ppo.evaluate(name, lambda shown, now=layers: act(now, shown), SEEN)
+            curve.append((iteration * LANES * task.samples, seconds, float(errors.mean())))
             if iteration % 10 == 0:
-                print(f"  {curve[-1][0]:>9,} control steps  {seconds:6.1f} s  mean error {error:.4g}", flush=True)
+                print(
+                    f"  {curve[-1][0]:>9,} control steps  {seconds:6.1f} s  mean error {curve[-1][2]:.4g}", flush=True
+                )
     except KeyboardInterrupt:
         print("Stopped; what was learned so far is evaluated.")
     return layers, curve
@@ -153,16 +155,19 @@ def main(
     for name in tasks:
         print(f"{name}, by gradient:")
         layers, curve = train(name, iterations, seed, rate, limit_episodes=limit_episodes)
-        error, unit = ppo.evaluate(name, lambda shown, now=layers: act(now, shown))
-        shut[name] = ppo.evaluate(name, lambda shown, width=layers[-1][1].size: np.zeros((len(shown), width)))
-        print(f"  mean error over 256 new episodes {error:.4g} {unit}; with valves shut {shut[name][0]:.4g} {unit}")
+        errors, _, unit = ppo.evaluate(name, lambda shown, now=layers: act(now, shown))
+        still, *_ = ppo.evaluate(name, lambda shown, width=layers[-1][1].size: np.zeros((len(shown), width)))
+        shut[name] = float(still.mean()), unit
+        print(
+            f"  mean error over 256 new episodes {errors.mean():.4g} {unit}; with valves shut {still.mean():.4g} {unit}"
+        )
         curves[name] = {"gradient": curve}
         if with_ppo:
             print(f"{name}, by PPO:")
             parameters, curve = ppo.train(name, 150, seed)
             middle = jax.jit(lambda shown, policy=parameters["policy"]: ppo.network(policy, shown))
-            error, _ = ppo.evaluate(name, middle)
-            print(f"  mean error over 256 new episodes {error:.4g} {unit}")
+            errors, *_ = ppo.evaluate(name, middle)
+            print(f"  mean error over 256 new episodes {errors.mean():.4g} {unit}")
             curves[name]["PPO"] = curve
     draw(curves, shut, folder)
 
