@@ -12,7 +12,8 @@ import mckibben as mk
 from mckibben.assembly.build import unit_from_muscle, unit_from_specimen
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.identification.fit import measured_range
-from mckibben.muscles.hysteresis import Coulomb, FrictionLimit, MaxwellSlip
+from mckibben.muscles.elements import MaxwellChain
+from mckibben.muscles.hysteresis import BoucWen, Coulomb, Dahl, FrictionLimit, MaxwellSlip, PrandtlIshlinskii
 from mckibben.muscles.plausible import usual_pressure
 
 
@@ -169,3 +170,27 @@ def test_a_muscle_has_the_title_of_its_specimen_or_of_its_law(muscle):
     assert muscle.title == muscle.specimen.title != muscle.law.title
     alone = mk.muscle("ideal", thread_length=0.16, turns=3.2)
     assert alone.specimen is None and alone.title == alone.law.title
+
+
+def test_a_muscle_is_read_again_as_it_was_saved_with_all_of_its_parts(tmp_path):
+    limit = FrictionLimit(constant=3.0, per_pressure=1e-5)
+    frictions = [
+        None,
+        MaxwellSlip.geometric(limit, elements=3),
+        MaxwellSlip(limit=limit.scaled(np.array([0.2, 0.8])), stiffness=np.array([1e3, 5e3])),
+        Dahl(limit=limit, stiffness=2e3),
+        BoucWen(limit=limit, stiffness=2e3, exponent=2),
+        PrandtlIshlinskii(weight=np.array([2e3, 1e3]), threshold=np.array([1e-4, 1e-3])),
+    ]
+    chain = MaxwellChain(stiffness=np.array([100.0, 50.0]), time_constant=np.array([1.0, 10.0]))
+    muscle = mk.muscle("nylon")
+    for friction in frictions:
+        for creep in (None, chain):
+            own = muscle.with_fields(friction=friction, creep=creep)
+            again = mk.muscle(own.save(tmp_path / "own.toml"))
+            assert again == own.with_fields(specimen=again.specimen)  # bit for bit
+    # what a file cannot say is refused: a muscle with another friction, or another law, is not what was saved
+    for part in ({"friction": Coulomb(limit=limit)}, {"law": mk.law("ideal", {"thread_length": 0.2, "turns": 3.2})}):
+        with pytest.raises(InputError, match="cannot be saved: read again"):
+            muscle.with_fields(**part).with_fields(specimen=mk.specimen("bridgestone")).save(tmp_path / "other.toml")
+    assert mk.muscle(tmp_path / "own.toml") == again

@@ -286,18 +286,28 @@ class Muscle(Module):
         }
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the specimen to a ``.toml`` file that every command takes, with this muscle's law; returns its path.
+        """Write the specimen to a ``.toml`` file that every command takes, with this muscle's law, friction and creep.
+
+        Returns:
+            Its path.
 
         Raises:
-            InputError: the muscle was made without a specimen.
+            InputError: the muscle was made without a specimen, or of a part that a file cannot state.
         """
         if self.specimen is None:
             raise InputError("specimen", None, "is missing: only a muscle of a specimen, a braid or a fit can be saved")
-        save_specimen(self.stated_specimen(), path)
+        spec = self.stated_specimen()
+        again = built_muscle(spec)
+        for name in ("law", "friction", "creep"):
+            if (part := getattr(self, name)) != getattr(again, name):
+                here, there = (type(one).__name__ for one in (part, getattr(again, name)))
+                said = f"{here} cannot be saved: read again from the file it would be {there}"
+                raise InputError(name, None, said if here != there else f"{said} with other numbers")
+        save_specimen(spec, path)
         return Path(path)
 
     def stated_specimen(self) -> Specimen:
-        """The specimen as this muscle is: its law by default, with the numbers that differ from those of the file.
+        """The specimen as this muscle is: its law, friction and creep, with the numbers that differ from its file.
 
         Raises:
             InputError: the muscle was made without a specimen.
@@ -315,7 +325,16 @@ class Muscle(Module):
             for key, (value, of_file, unit) in numbers.items()
             if float(value) != float(of_file)
         }
-        return dataclasses.replace(spec, law=name, laws=spec.laws | {name: spec.laws[name] | changed})
+        made = dataclasses.replace(spec, law=name, laws=spec.laws | {name: spec.laws[name] | changed})
+        usual = built_muscle(made)
+        if self.friction != usual.friction:
+            mine = self.friction and {HYSTERESES.stated_as(type(self.friction), made.friction): _numbers(self.friction)}
+            made = dataclasses.replace(made, friction=mine or {})
+        if self.creep != usual.creep:
+            chain = {} if self.creep is None else _numbers(self.creep)
+            other = {key: value for key, value in made.properties.items() if key not in _CREEP.values()}
+            made = dataclasses.replace(made, properties=other | {_CREEP.get(k, k): v for k, v in chain.items()})
+        return made
 
     def __repr__(self) -> str:
         name = repr(self.specimen.id) if self.specimen is not None else "own"
@@ -392,6 +411,20 @@ def _rows(path: str, part: Any, stated: dict[str, SpecimenNumber]) -> list[Param
         rows.append(ParameterRow(f"{path}.{name}", quantity.symbol, values, quantity.unit, quantity.doc, source))
     inside = {name: value for name, value in vars(part).items() if isinstance(value, Module)}
     return rows + [row for name, value in inside.items() for row in _rows(f"{path}.{name}", value, {})]
+
+
+_CREEP = {"stiffness": "creep_stiffness", "time_constant": "creep_time_constants"}  # of a chain, as a file states them
+
+
+def _numbers(part: Module) -> dict[str, SpecimenNumber]:
+    """Numbers of a friction and its limit, or of a creep, as a file states them."""
+    found = {key: (getattr(part, key), q.unit) for key, q in declared(part).items()}
+    found |= {f.name: (getattr(part, f.name), "1") for f in dataclasses.fields(part) if f.type in ("int", int)}
+    values = {key: (np.asarray(value, float).tolist(), unit) for key, (value, unit) in found.items()}
+    limit = getattr(part, "limit", None)
+    said = "stated for this muscle"
+    numbers = {key: SpecimenNumber(value=value, unit=unit, note=said) for key, (value, unit) in values.items()}
+    return numbers if limit is None else numbers | _numbers(limit)
 
 
 def _quantity(value: Any, unit: str, field: str) -> Any:
