@@ -142,16 +142,16 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         StageError: the muscle cannot be characterised further; says why.
     """
     if stage == "seat":
-        _check_still(_part(record, "zero", stage)["span"], bounds.rest_length)
-        rest = _part(record, "zero", stage)["tension"]
+        _check_still(part_of(record, "zero", stage)["span"], bounds.rest_length)
+        rest = part_of(record, "zero", stage)["tension"]
         noise = float(np.std(rest))
-        pressure = float(np.mean(_part(record, "zero", stage)["pressure"]))
+        pressure = float(np.mean(part_of(record, "zero", stage)["pressure"]))
         zero = float(np.mean(rest))
         known = dataclasses.replace(known, zero=zero, zero_pressure=pressure, slack=max(known.slack, 6.0 * noise))
         _check_seat(seat_of(record, bounds), bounds)
         return known
     if stage == "leak":
-        leak, before, shut = leak_of(record), _part(record, "settle", "leak"), _part(record, "shut", "leak")
+        leak, before, shut = leak_of(record), part_of(record, "settle", "leak"), part_of(record, "shut", "leak")
         # from before the shut-off to its end, which sees the quickest leak
         left = float(np.mean(shut.select(start=shut.time[-1] - 0.5)["pressure"]) / np.mean(before["pressure"]))
         fall = (1.0 - left) / shut.duration
@@ -167,8 +167,8 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         _check_zeros(record, known)
         isobars = []  # pressure and shortest taut length of each loop; the rest length where it is slack all along
         for i in range(1, ISOBARS + 1):
-            pressure = float(np.mean(_part(record, f"settle {i}", "map")["pressure"]))
-            shortest = float(_part(record, f"shorten {i}", "map")["span"][-1])
+            pressure = float(np.mean(part_of(record, f"settle {i}", "map")["pressure"]))
+            shortest = float(part_of(record, f"shorten {i}", "map")["span"][-1])
             isobars.append((pressure, min(shortest, bounds.rest_length)))
         taut = [length for _, length in isobars if length < (1.0 - LEAST_LOOP) * bounds.rest_length]
         if not taut:
@@ -177,7 +177,7 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
                 stage, f"the muscle pulls along less than {share} at every pressure; check the rest length"
             )
         # measured again at the end is the earliest loop that pulls well, long before its repetition
-        pulls = [float(np.max(_part(record, f"lengthen {i}", "map")["tension"])) for i in range(1, ISOBARS + 1)]
+        pulls = [float(np.max(part_of(record, f"lengthen {i}", "map")["tension"])) for i in range(1, ISOBARS + 1)]
         again = next((i for i, pull in enumerate(pulls, 1) if pull - known.zero >= PULLS * known.largest), ISOBARS)
         return dataclasses.replace(known, isobars=tuple(isobars), again=again)
     return known
@@ -195,7 +195,7 @@ def _check_still(span: np.ndarray, rest: float) -> None:
 
 
 def _ramped(record: Recording, bounds: Bounds, known: Progression) -> Progression:
-    rise = _part(record, "rise", "ramp")
+    rise = part_of(record, "rise", "ramp")
     tension, pressure = rise["tension"] - known.zero, rise["pressure"]
     largest = float(np.mean(tension[-5:]))
     least = max(LEAST_TENSION, NOISES / 6.0 * (known.slack if known.slack > 1.0 else 0.0) / 6.0)
@@ -208,7 +208,8 @@ def _ramped(record: Recording, bounds: Bounds, known: Progression) -> Progressio
     return dataclasses.replace(known, top=top, largest=largest, slack=max(known.slack, 0.015 * largest))
 
 
-def _part(record: Recording, label: str, stage: str) -> Recording:
+def part_of(record: Recording, label: str, stage: str) -> Recording:
+    """Samples of the step of a label; raises `StageError` where the recording of the stage has none."""
     try:
         return record.segments(label)[0]
     except (InputError, IndexError):
@@ -221,7 +222,7 @@ def seat_of(record: Recording, bounds: Bounds) -> Estimate:
     The tension is a constant up to there and a rising, concave curve beyond; the interval is that of its likelihood. Where
     the tension does not rise the value is NaN, and the interval is open above the longest span.
     """
-    pull = _part(record, "pull", "seat")
+    pull = part_of(record, "pull", "seat")
     span, tension, rest = pull["span"], pull["tension"], bounds.rest_length
     spans = np.linspace(span[0], span[-1], 241)[:-4]
     costs = np.array([_onset_cost(span, tension, float(x), ONSET * rest) for x in spans])
@@ -278,7 +279,7 @@ def clamp_of(seat: Estimate, bounds: Bounds) -> tuple[float, float]:
 
 def _check_zeros(record: Recording, known: Progression) -> None:
     """Refuse a map in whose course the zero of a sensor has moved."""
-    end = _part(record, "zero", "map")
+    end = part_of(record, "zero", "map")
     for name, before, largest, unit in (
         ("tension", known.zero, known.largest, "N"),
         ("pressure", known.zero_pressure, known.top, "Pa"),
@@ -296,7 +297,7 @@ def _check_zeros(record: Recording, known: Progression) -> None:
 
 def leak_of(record: Recording) -> Estimate:
     """Share of the pressure that the shut muscle loses per second [1/s]."""
-    shut = _part(record, "shut", "leak")
+    shut = part_of(record, "shut", "leak")
     begin = shut.time[0] + 1.0
     kept = shut.select(start=begin)
     return pressure_decay(kept.time, kept["pressure"])
@@ -319,7 +320,7 @@ def _branches(
     period = (record.time[-1] - record.time[0]) / (SAMPLES - 1)
     count = PAIRS // len(loops)
     for i in loops:
-        parts = [_part(record, f"{way} {i}", "map") for way in ("lengthen", "shorten")]
+        parts = [part_of(record, f"{way} {i}", "map") for way in ("lengthen", "shorten")]
         spans = [part["span"] for part in parts]
         low, high = max(float(s.min()) for s in spans), min(float(s.max()) for s in spans)
         if high - low < LEAST_LOOP * rest:
@@ -376,11 +377,11 @@ def evaluate(
         StageError: a fit was not possible; names the stage.
     """
     records = {stage: of_muscle(record, bounds, known.zero) for stage, record in records.items()}
-    zero_pressure = float(np.mean(_part(records["seat"], "zero", "seat")["pressure"]))
+    zero_pressure = float(np.mean(part_of(records["seat"], "zero", "seat")["pressure"]))
     path, tension, still = _held_path(records, zero_pressure)
     rows, rising, falling = _branches(records["map"], bounds, known, zero_pressure)
     slope, stiffness = _slopes(rows, float(path.span[still][-1]), float(np.mean(path.pressure[still])), bounds)
-    stretch = _part(records["relaxation"], "stretch", "relaxation").time[0] - records["relaxation"].time[0]
+    stretch = part_of(records["relaxation"], "stretch", "relaxation").time[0] - records["relaxation"].time[0]
     relaxation = fit_relaxation(
         path,
         tension,
@@ -536,12 +537,12 @@ def gain_change(records: dict[str, Recording], bounds: Bounds, known: Progressio
 
 
 def _loop(record: Recording, name: str) -> list[Recording]:
-    return [_part(record, f"{way} {name}", "held-out") for way in ("lengthen", "shorten")]
+    return [part_of(record, f"{way} {name}", "held-out") for way in ("lengthen", "shorten")]
 
 
 def _zeros(record: Recording) -> list[tuple[str, float]]:
     """Channels of tension and pressure with their readings at the end, vented and slack."""
-    end = _part(record, "zero", "held-out")
+    end = part_of(record, "zero", "held-out")
     return [(name, float(np.mean(end[name]))) for name in ("tension", "pressure")]
 
 
@@ -576,7 +577,7 @@ def _held_path(records: dict[str, Recording], zero_pressure: float) -> tuple[Spa
     """Path of the stage with the stretch, the tension along it [N], and which samples are of the hold, (n,)."""
     record = records["relaxation"]
     path, tension = _path(record, zero_pressure)
-    begin = _part(record, "hold", "relaxation").time[0] - record.time[0] + SETTLED
+    begin = part_of(record, "hold", "relaxation").time[0] - record.time[0] + SETTLED
     return path, tension, path.time >= begin
 
 

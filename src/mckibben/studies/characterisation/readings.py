@@ -51,23 +51,23 @@ from ...verbs import (
     verb,
 )
 from ..next_measurement import NextReadings, readings_to_take
-from .evaluation import _part, of_muscle
+from .evaluation import of_muscle, part_of
 from .stages import MOST_PULLED, Progression, protocol_of
 from .verb import (
     CharacterisationPlan,
     Progress,
-    _check,
-    _holder,
-    _layout,
-    _machine,
-    _mounted,
-    _recorded,
-    _seconds,
-    _stand_in,
     bounds_of,
+    check_whole,
+    holder_of,
+    layout_of,
+    machine_for,
     make_settings,
+    mounted_muscle,
+    recorded_stages,
     recording_folder,
     settings_of,
+    stage_times,
+    stand_in_muscle,
 )
 
 # Standard uncertainty of a stiffness by the load cell's gain and what the rod itself stretches, a share.
@@ -244,11 +244,11 @@ def characterise_like(
         >>> found = characterise_like("festo-10mm", muscle="festo-10mm", max_tension="450 N")    # doctest: +SKIP
         >>> found.muscle.tension("27 cm", "5 bar")                                             # doctest: +SKIP
     """
-    on, unit, rest = _mounted(rig, muscle, rest_length, hardware, machine, lock_step=lock_step)
+    on, unit, rest = mounted_muscle(rig, muscle, rest_length, hardware, machine, lock_step=lock_step)
     spec = like if isinstance(like, Specimen) else muscle_specimen(like)
-    layout = _layout(on, plumbing)
+    layout = layout_of(on, plumbing)
     bounds = bounds_of(on, layout, rest_length=rest, max_pressure=max_pressure, max_tension=max_tension)
-    bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
+    bounds = dataclasses.replace(bounds, cord=holder_of(on, unit, cord))
     of_make: Any = built_muscle(spec, law=spec.law, rest_length=rest)
     places = readings_to_take(of_make, same_rig=same_rig, highest=bounds.pressure)
     most, read_at = max((place["tension"], place["pressure"]) for place in places.places)
@@ -262,20 +262,20 @@ def characterise_like(
         (min(p["length"] + by, MOST_PULLED * rest), p["pressure"]) for p, by in zip(places.places, longer, strict=True)
     )
     known = Progression(places=spans)
-    seconds = _seconds(on, layout, bounds, ("seat", "readings"), known)
+    seconds = stage_times(on, layout, bounds, ("seat", "readings"), known)
     intended = CharacterisationPlan(bounds, seconds, places)
     settings = settings_of(on, layout, bounds, seed, muscle) | make_settings(spec, same_rig=same_rig)
     folder = None if out is None else recording_folder(out, settings)
     with (
         contextlib.nullcontext() if begun is None else begun(intended),
         connected(machine, on, 1.0 / session_rate(on), lock_step=lock_step) as opened,
-        _machine(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
+        machine_for(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
     ):
-        known, records, done = _recorded(sampled, intended, bounds, known, folder, progress, stop)
+        known, records, done = recorded_stages(sampled, intended, bounds, known, folder, progress, stop)
     alone = of_muscle(records["readings"], bounds, known.zero)
     readings = []
     for i in range(1, len(spans) + 1):
-        part = _part(alone, f"reading {i}", "readings")
+        part = part_of(alone, f"reading {i}", "readings")
         length, pressure, tension = (float(np.mean(part[name])) for name in ("span", "pressure", "tension"))
         if tension - known.zero <= known.slack:
             raise StageError("readings", f"the muscle is slack at {with_unit(length, 'm', 4)}; check the rest length")
@@ -326,14 +326,14 @@ def measure_cord(
     """
     on = rig if isinstance(rig, Rig) else rig_of(rig)
     length = float(in_si(rod_length, "m", field="rod_length"))
-    bounds = bounds_of(on, _layout(on, plumbing), rest_length=length, max_tension=max_tension)
+    bounds = bounds_of(on, layout_of(on, plumbing), rest_length=length, max_tension=max_tension)
     unit = None
     if hardware is None:
         unit = rig_unit(Muscle(_rod(length)))
         unit = unit if tendon is None else unit.replace(tendon=tendon)
-    with _machine(on, _layout(on, plumbing), unit, bounds, hardware, seed, step) as machine:
+    with machine_for(on, layout_of(on, plumbing), unit, bounds, hardware, seed, step) as machine:
         record = machine.run("cord", protocol_of("cord", bounds, Progression()), None, stop)  # type: ignore[arg-type]
-    _check("cord", record, on, bounds)
+    check_whole("cord", record, on, bounds)
     return cord_of(record)
 
 
@@ -343,7 +343,7 @@ def cord_of(record: Recording) -> CordStiffness:
     Raises:
         StageError: the rod was not pulled, or what gave was no cord.
     """
-    still, pull = _part(record, "zero", "cord"), _part(record, "pull", "cord")
+    still, pull = part_of(record, "zero", "cord"), part_of(record, "pull", "cord")
     zero, noise = float(np.mean(still["tension"])), float(np.std(still["tension"]))
     span, tension = pull["span"], pull["tension"] - zero
     largest = float(tension.max())
@@ -382,5 +382,5 @@ def cord_of(record: Recording) -> CordStiffness:
 
 def _rod(length: float) -> Any:
     """A law that hardly stretches, and pulls with nothing but that."""
-    law: Any = _stand_in(length).law
+    law: Any = stand_in_muscle(length).law
     return law.replace(upper_length=length, stop_stiffness=ROD_STIFFNESS)

@@ -327,7 +327,7 @@ def plan(
 ) -> CharacterisationPlan:
     """Plan a characterisation without moving anything; arguments and errors as of `characterise`."""
     on = rig if isinstance(rig, Rig) else rig_of(rig)
-    layout = _layout(on, plumbing)
+    layout = layout_of(on, plumbing)
     bounds = bounds_of(
         on,
         layout,
@@ -336,7 +336,7 @@ def plan(
         max_tension=max_tension,
         rest_length_error=rest_length_error,
     )
-    return CharacterisationPlan(bounds, _seconds(on, layout, bounds, bounds.stages, planned(bounds)))
+    return CharacterisationPlan(bounds, stage_times(on, layout, bounds, bounds.stages, planned(bounds)))
 
 
 def bounds_of(
@@ -359,9 +359,9 @@ def bounds_of(
     )
 
 
-def _seconds(rig: Rig, layout: str, bounds: Bounds, stages: Sequence[str], known: Progression) -> dict[str, float]:
+def stage_times(rig: Rig, layout: str, bounds: Bounds, stages: Sequence[str], known: Progression) -> dict[str, float]:
     """Longest time of each stage [s]."""
-    stand_in, times = _stand_in(bounds.rest_length), {}
+    stand_in, times = stand_in_muscle(bounds.rest_length), {}
     for stage in stages:
         prepared = prepare(protocol_of(stage, bounds, known), muscle=stand_in, rig=rig, plumbing=layout, foresee=False)
         times[stage] = prepared.plan.duration
@@ -435,7 +435,7 @@ def characterise(
         Traceback (most recent call last):
         mckibben.errors.InputError: max_pressure must be above 0 and at most 9 bar, got 12 bar
     """
-    on, unit, rest_length = _mounted(rig, muscle, rest_length, hardware, machine, lock_step=lock_step)
+    on, unit, rest_length = mounted_muscle(rig, muscle, rest_length, hardware, machine, lock_step=lock_step)
     for law in laws or ():
         law_type(law)
     gain = float(gain_error)
@@ -452,16 +452,16 @@ def characterise(
         max_tension=max_tension,
         rest_length_error=float(rest_length_error),
     )
-    bounds, layout = intended.bounds, _layout(on, plumbing)
-    bounds = dataclasses.replace(bounds, cord=_holder(on, unit, cord))
+    bounds, layout = intended.bounds, layout_of(on, plumbing)
+    bounds = dataclasses.replace(bounds, cord=holder_of(on, unit, cord))
     folder = None if out is None else recording_folder(out, settings_of(on, layout, bounds, seed, muscle))
     # the plan is told before a machine is opened, and Ctrl-C is heard until it has vented
     with (
         contextlib.nullcontext() if begun is None else begun(intended),
         connected(machine, on, 1.0 / session_rate(on), lock_step=lock_step) as opened,
-        _machine(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
+        machine_for(on, layout, unit, bounds, hardware or opened, seed, step) as sampled,
     ):
-        so_far, records, done = _recorded(sampled, intended, bounds, Progression(), folder, progress, stop)
+        so_far, records, done = recorded_stages(sampled, intended, bounds, Progression(), folder, progress, stop)
     chosen = None if laws is None else tuple(laws)
     found = evaluate(records, bounds, so_far, laws=chosen, sizes=sizes, gain_error=gain, name=name)
     spec = specimen_of(found, bounds, name=name, title=f"characterised on the rig {on.name}")
@@ -477,7 +477,7 @@ def characterise(
     return outcome
 
 
-def _mounted(
+def mounted_muscle(
     rig: Any, muscle: Any, rest_length: Any, hardware: Hardware | None, machine: str | None, *, lock_step: bool
 ) -> tuple[Rig, MuscleUnit | None, float]:
     """The rig, the muscle of a simulated one, and the length at which it is mounted [m]."""
@@ -495,7 +495,7 @@ def _mounted(
     return rig if isinstance(rig, Rig) else rig_of(rig), unit, float(in_si(rest_length, "m", field="rest_length"))
 
 
-def _recorded(
+def recorded_stages(
     machine: _Machine,
     intended: CharacterisationPlan,
     bounds: Bounds,
@@ -519,7 +519,7 @@ def _recorded(
 
             record = machine.run(stage, protocol_of(stage, bounds, known), tell, stop)
         try:
-            _check(stage, record, machine.rig, bounds)
+            check_whole(stage, record, machine.rig, bounds)
             known = advance(stage, record, bounds, known)
         except StageError as error:
             if folder is None or resumed or (stop is not None and stop()):
@@ -546,7 +546,7 @@ def _cautions(found: Evaluation) -> tuple[Caution, ...]:
     return collect(*map(Caution, said), *map(Caution, assumptions([best])))
 
 
-def _holder(rig: Rig, unit: MuscleUnit | None, cord: float | str | None) -> Tendon | None:
+def holder_of(rig: Rig, unit: MuscleUnit | None, cord: float | str | None) -> Tendon | None:
     """What holds the muscle: as stated, or cord and frame of a simulated rig in series; None where it is not known."""
     if cord is not None:
         stiffness = float(in_si(cord, "N/m", field="cord"))
@@ -569,7 +569,7 @@ class _Machine:
         self, rig: Rig, layout: str, unit: MuscleUnit | None, bounds: Bounds, session: Session, seed: int, step: float
     ) -> None:
         self.rig, self.layout, self.unit, self.session, self.seed, self.step = rig, layout, unit, session, seed, step
-        self.stand_in = _stand_in(bounds.rest_length)
+        self.stand_in = stand_in_muscle(bounds.rest_length)
 
     def prepared(self, stage: str, protocol: Protocol) -> PreparedRun:
         """Dry run of a stage, which knows nothing of the muscle but its rest length."""
@@ -601,11 +601,11 @@ class _Machine:
 
 
 @contextlib.contextmanager
-def _machine(
+def machine_for(
     rig: Rig, layout: str, unit: MuscleUnit | None, bounds: Bounds, hardware: Hardware | None, seed: int, step: float
 ) -> Iterator[_Machine]:
     """The machine, closed at the end; a real one is vented."""
-    stand_in = _stand_in(bounds.rest_length)
+    stand_in = stand_in_muscle(bounds.rest_length)
     session = Session(
         rig, stand_in if unit is None else unit, hardware, span=bounds.rest_length, plumbing=layout,
         by_hand=hardware is not None, speed=None if hardware is None else 1.0,
@@ -617,7 +617,7 @@ def _machine(
             session.close()
 
 
-def _stand_in(rest_length: float) -> MuscleUnit:
+def stand_in_muscle(rest_length: float) -> MuscleUnit:
     """A muscle that hardly pulls, in whose place the unknown one is planned."""
     law = build_law(
         "linear_threshold",
@@ -649,7 +649,8 @@ def _title_of(muscle: str | Specimen | Muscle | MuscleUnit | None) -> str:
     return "own" if spec is None else str(spec.id)
 
 
-def _layout(rig: Rig, plumbing: str | None) -> str:
+def layout_of(rig: Rig, plumbing: str | None) -> str:
+    """The plumbing asked for, else one with a muscle, which can be shut off where there is one."""
     if plumbing is not None:
         if plumbing not in rig.plumbing:
             raise InputError("plumbing", plumbing, known=list(rig.plumbing))
@@ -746,7 +747,7 @@ def _digest(content: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _check(stage: str, record: Recording, rig: Rig, bounds: Bounds) -> None:
+def check_whole(stage: str, record: Recording, rig: Rig, bounds: Bounds) -> None:
     """Refuse a recording that was stopped or whose sensors saturate."""
     result = record.meta.get("result", "done")
     if result != "done":
