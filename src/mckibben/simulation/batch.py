@@ -77,6 +77,12 @@ class SimulationBatch:
         self._parameters = simulation.parameters
         if self._changes:
             self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
+            flat = [
+                values.reshape(-1, lanes) for values in self._changes.values()
+            ]  # the ends stand for what is between
+            ends = sorted({int(lane) for rows in flat for row in rows for lane in (row.argmin(), row.argmax())})
+            said = (self._lane(k).changed_cautions(self._changes, f" of lane {k}") for k in ends)
+            simulation.caution(*(one for cautions in said for one in cautions), stacklevel=4)
         self.kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
         self._low, self._high = (np.array([[e[k]] for e in simulation.command_entries.values()]) for k in (1, 2))
         self._readouts = simulation.readouts.copy()
@@ -173,10 +179,9 @@ class SimulationBatch:
             self.kernel.set_command(entries[name][0], array)
         held = self.kernel.commands
         if not ((held >= self._low) & (held <= self._high)).all():  # or one is no number
-            for name, (place, low, high) in entries.items():
-                for one in {float(held[place].min()), float(held[place].max())}:
-                    if not low <= one <= high:
-                        self.simulation.check_command(name, one)
+            before = self._log[-1] if self._log else self._begin.commands
+            for name, (place, _, _) in entries.items():
+                self.simulation.check_held(name, held[place], before[place])
         self._log.append(self.kernel.commands.copy())
         self.kernel.step()
         self._sample += 1
