@@ -216,6 +216,7 @@ def argument_cautions(owner: Any, *, of: str = "") -> tuple[Caution, ...]:
     return collect(*said)
 
 
+TURNS_MARGIN = 3.0  # the same of a speed, where turns per minute are a slip of 9.5
 TYPICAL_MARGIN = 10.0  # by which a parameter may leave the range that its declaration calls typical without a word
 
 
@@ -234,7 +235,8 @@ def parameter_caution(path: str, stated: Quantity, value: Any) -> tuple[Caution,
     low, high = stated.typical
     if value is None or is_traced(value) or stated.typical == stated.bounds or stated.unit == "1":
         return ()
-    usual = (low / TYPICAL_MARGIN, high * TYPICAL_MARGIN)
+    margin = TURNS_MARGIN if stated.unit == "rad/s" else TYPICAL_MARGIN
+    usual = (low / margin, high * margin)
     numbers = (one for one in np.ravel(value).tolist() if one not in stated.bounds)  # a bound switches an effect off
     return collect(*(size_caution(one, stated.unit, name=path, usual=usual) for one in numbers))
 
