@@ -27,7 +27,7 @@ from ..errors import InputError
 from ..muscles.evidence import about_laws, law_cautions
 from ..muscles.law import law_name
 from ..muscles.plausible import reached_cautions, span_cautions
-from ..quantities import with_unit
+from ..quantities import random_generator, with_unit
 from ..recordings import Channel, Recording
 from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
@@ -197,7 +197,7 @@ def run_joint(
     start = plant.at_rest(commands, {node: commands[n] for n in NAMES for node in (n, f"{n}.port")})
     # rows of every sample up to the end of the last chunk, where the last set-points stay
     whole, channels = CHUNK * math.ceil(len(time) / CHUNK), list(PRESSURES.values())
-    draws = np.random.default_rng(seed).standard_normal((len(channels), whole))
+    draws = random_generator(seed).standard_normal((len(channels), whole))
     rows: Any = {n: np.concatenate([v, np.full(whole - len(time), v[-1])]) for n, v in set_points.items()}
     rows |= {"draws": dict(zip(channels, draws, strict=True))}
     row = jax.tree.map(lambda v: v[0], rows)

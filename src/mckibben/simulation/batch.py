@@ -12,13 +12,13 @@ from .._jax import Scalar, Tree
 from ..answers import Caution, brief
 from ..components import paths
 from ..errors import InputError
-from ..quantities import in_si, whole_number
+from ..quantities import in_si, random_generator, whole_number
 from ..recordings.memory import SHARE, free_memory
 from ..recordings.recording import Recording
 from .kernel import SampleKernel, SteppedSimulation
 from .mechanisms import StartPressure
 from .recorded import record
-from .stepping import BEHIND, SimulationState, noise_generator, unnamed_command
+from .stepping import BEHIND, SimulationState, unnamed_command
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class SimulationBatch:
         starts = [self._lane(k).rest_state(pressure) for k in range(number)]
         each = self.lanes // number
         carry, observed = (np.repeat(np.stack([s[i] for s in starts], axis=1), each, axis=1) for i in range(2))
-        self._random = noise_generator(seed)
+        self._random = random_generator(seed)
         held = np.repeat(np.array([[commands[name]] for name in self.commands]), self.lanes, axis=1)
         shown = np.array(self._readouts.reset(self._with_noise(observed[:-BEHIND])))
         return self._go_on_from(self._state(0, carry, observed, shown, held))

@@ -30,7 +30,7 @@ from ..components.system import Value
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.plausible import BEYOND, parameter_caution, span_cautions, start_pressure_caution
-from ..quantities import named_values, with_unit
+from ..quantities import named_values, random_generator, with_unit
 from ..recordings.recording import Recording
 from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
@@ -50,7 +50,6 @@ from .stepping import (
     CommandInput,
     SaidCommands,
     SimulationState,
-    noise_generator,
     rest_carry,
     unnamed_command,
 )
@@ -216,7 +215,7 @@ class Simulation(SteppedSimulation):
             first[name] = in_si(value, self._unit(name), name)
             self.check_command(name, first[name], lasting=True)
         carry, observed = self._rest(starts, first)
-        self._random = noise_generator(seed)
+        self._random = random_generator(seed)
         vector = np.array([first[name] for name in self.commands])
         shown = self._with_noise(observed[:-BEHIND].tolist()) if self.noise is not None else []
         if self.readouts:

@@ -345,14 +345,6 @@ BEHIND = (
 )
 
 
-def noise_generator(seed: int) -> np.random.Generator:
-    """The generator of the sensors' noise for a seed, a whole number from 0."""
-    try:
-        return np.random.default_rng(seed)
-    except (TypeError, ValueError):
-        raise InputError("seed", None, f"must be a whole number from 0, got {seed!r}") from None
-
-
 def unnamed_command(values: Sequence[object], commands: Sequence[str]) -> InputError:
     """The error for commands of `step` that are given without their names, with the call that names them."""
     shown = [*map(repr, values), *["..."] * len(commands)]
