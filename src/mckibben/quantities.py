@@ -412,6 +412,11 @@ def whole_number(value: Any, field: str, *, least: int = 0) -> int:
     return int(value)
 
 
+def random_generator(seed: Any, field: str = "seed") -> np.random.Generator:
+    """The generator of random numbers for a seed, a whole number from 0; raises `InputError` where it is none."""
+    return np.random.default_rng(whole_number(seed, field))
+
+
 def named_values(values: Any, field: str) -> Mapping[str, Any]:
     """Values by name as they are.
 

@@ -232,7 +232,7 @@ class Place:
         return FileTable.of(raw, self.field, self.where or "")
 
     def below(self, key: object) -> Place:
-        """The place of a part."""
+        """The place of a key in the table that stands here."""
         return dataclasses.replace(self, field=f"{self.field}.{key}" if self.field else str(key), own_unit="")
 
     def fail(self, value: object, problem: str = "", *, known: Iterable[object] | None = None) -> InputError:

@@ -18,7 +18,7 @@ USUAL_SIZES: dict[str, tuple[float, float, float]] = {
     "kg*m^2": (1e-9, 2e-3, 10.0),
 }  # fmt: skip
 MORE_UNITS = {
-    "Pa": ("psi",), "N": ("kN", "mN"), "rad": ("deg",), "s": ("h", "day"), "m/s^2": ("cm/s^2",),
+    "rad/s": ("rpm",), "Pa": ("psi",), "N": ("kN", "mN"), "rad": ("deg",), "s": ("h", "day"), "m/s^2": ("cm/s^2",),
     "1/s": ("1/min",), "kg*m^2": ("g*cm^2", "kg*cm^2", "g*m^2"),
 }  # fmt: skip
 

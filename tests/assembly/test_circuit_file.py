@@ -349,6 +349,20 @@ def test_what_can_hardly_be_meant_in_a_file_is_refused_or_stands_with_its_run(tm
         assert set(said) <= set(run_circuit(plan).meta["warnings"])
 
 
+@pytest.mark.parametrize(
+    ("file", "path", "usual", "slip", "sentence"),
+    [
+        ("muscle-on-a-valve", "run.period", "100 ms", "0.5 s", "a period of 500 ms leaves 3 samples of 1 s"),
+        ("muscle-on-a-valve", "run.step", "1 us", "1 ns", "a run.step of 1e-09 s can hardly be meant"),
+        ("compressor-and-tank", "elements.compressor.speed", "1450 rpm", "1450 rad/s", "was 1450 rpm meant?"),
+    ],
+)
+def test_a_time_or_a_speed_in_another_unit_is_said(file, path, usual, slip, sentence):
+    plan = read_circuit(VALVE.parent / f"{file}.toml")
+    assert plan.change({path: usual}).cautions == ()
+    assert sentence in str(plan.change({path: slip}).cautions[0])
+
+
 def test_a_circuit_says_what_is_known_of_the_error_of_its_muscles_law(tmp_path):
     file = tmp_path / "own.toml"
     text = VALVE.read_text().replace('length = "14 cm"', 'length = "18 cm"')

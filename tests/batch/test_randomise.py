@@ -55,6 +55,30 @@ def test_draws_of_a_law_keep_their_rows_together_and_are_those_of_each_muscle(si
     assert np.array_equal(*places) and set(places[0]) == {0, 1, 2}
 
 
+@pytest.mark.parametrize(
+    ("muscles", "said"),
+    [
+        ({}, "draws of each parameter .* got none"),
+        ({"rest_length": []}, r"as many of each, got rest_length: \(0,\)"),
+        ({"rest_length": [0.14], "rest_volume": [5e-6, 6e-6]}, "as many of each"),
+        ({"rest_length": np.full((2, 2), 0.14)}, "as many of each"),
+        ({"rest_length": ["long", "short"]}, "rest_length must be a length"),
+        ({"rest_length": [0.14, np.nan, 0.14, 0.14, 0.14, 0.14]}, "rest_length must be between"),
+    ],
+)
+def test_draws_of_a_law_that_are_none_are_refused(sim, muscles, said):
+    with pytest.raises(InputError, match=said):
+        randomise(sim, 1, muscles=muscles)
+
+
+def test_draws_take_words_with_a_unit_and_a_tolerance_has_no_sign(sim):
+    drawn = randomise(sim, 3, {MASS: "-5 %"}, muscles={"rest_length": ["140 mm", "14 cm"]})
+    assert np.allclose(drawn["units.muscle.law.rest_length"], 0.14) and abs(drawn[MASS] / 2.0 - 1.0).max() <= 0.05
+    for seed in (-1, "a", 1.5):
+        with pytest.raises(InputError, match="seed must be a whole number from 0"):
+            randomise(sim, 3, seed=seed)
+
+
 def test_a_fit_is_drawn_with_its_correlations():
     law = law_from_specimen(mk.specimen("nylon"), "thick_wall")
     length, pressure = (x.ravel() for x in np.meshgrid(np.linspace(0.11, 0.14, 7), np.linspace(1e5, 5e5, 5)))

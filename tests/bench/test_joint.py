@@ -259,6 +259,16 @@ def test_bad_set_points_are_refused(change, said):
         run_joint(stand(), **{"duration": 0.1, "angle": 0.0, "stiffness": 1.0, **change})
 
 
+def test_set_points_that_the_map_of_the_pair_does_not_have_are_said_and_beyond_a_stop_refused():
+    quiet = run_joint(stand(), duration=0.01, angle=0.2, stiffness=1.0)
+    assert not [one for one in quiet.meta["warnings"] if "set-point" in one]
+    far = run_joint(stand(), duration=0.01, angle=course((0, 0.5), (0.005, 0.7)), stiffness=100.0).meta["warnings"]
+    assert any("a set-point of 40.11 deg is beyond the map of the pair, -28.65 deg to 28.65 deg" in one for one in far)
+    assert any("a set-point of 100 N*m/rad is beyond the map of the pair" in one for one in far)
+    with pytest.raises(InputError, match=r"angle must be within the stops, -114.6 deg to 114.6 deg, got 143.2 deg"):
+        run_joint(stand(), duration=0.01, angle=2.5, stiffness=1.0)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -267,7 +277,7 @@ def test_bad_set_points_are_refused(change, said):
         ({"pressures": (3e5, 2e5)}, "highest"),
         ({"pressures": (1e5, 20e5)}, "pressures"),
         ({"angles": (0.5, -0.5)}, "angles"),
-        ({"angles": (-2.0, 2.0)}, "angle must be one at which"),
+        ({"angles": (-2.0, 2.0)}, "but at -114.6 deg no pressures between 1.4 bar and 5 bar"),
         ({"gains": {"kp": -1.0}}, "kp"),
     ],
 )

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from mckibben.assembly.build import rig_cord, unit_from_specimen
-from mckibben.components.system import Exchange
+from mckibben.components.system import Exchange, System
 from mckibben.engine import Signal, held, integrate, integration
 from mckibben.engine.integration import Result
 from mckibben.engine.sampled import MOST_HALVED, Steps
@@ -16,6 +16,7 @@ from mckibben.engine.soundness import (
     QUIET,
     Soundness,
     balance_errors,
+    overloaded_parts,
     possible,
     soundness,
     switched,
@@ -36,8 +37,10 @@ class Anything:
     def admissible(self, state):
         return np.asarray(True)
 
-    def broken(self, outputs):
-        return outputs["m.broken"]
+    def overloaded(self, outputs):
+        return {"a": np.asarray(False), "m": outputs["m.broken"]}
+
+    broken = System.broken
 
 
 def test_a_balance_that_closes_has_no_error_and_one_that_loses_half_has_a_half():
@@ -97,6 +100,15 @@ def test_a_state_of_which_any_number_is_not_finite_cannot_be(wrong):
 
 def test_each_code_has_a_meaning_at_its_place():
     assert [int(code) for code in MEANINGS] == list(range(len(Soundness)))  # hosts in C index a table with it
+
+
+def test_the_sentence_names_the_muscle_that_is_overloaded_and_no_other():
+    for parts, named in (((), "A muscle is"), (("muscle",), "The muscle is"), (("m",), "The muscle m is")):
+        said = unsound_sentence(float(Soundness.BROKEN), 0.0, 2e-4, parts)
+        assert said.startswith(f"{named} longer than its threads bear: load it less")
+    assert overloaded_parts(Anything(), {"m.broken": np.array([False, True, False])}) == ("m",)
+    assert overloaded_parts(Anything(), {"m.broken": np.array([False])}) == ()
+    assert "muscle" not in unsound_sentence(float(Soundness.GAS), 0.1, 2e-4, ("m",))
 
 
 def test_the_sentence_names_balance_error_and_step():

@@ -167,8 +167,8 @@ class Bounded(Pendulum):
     def admissible(self, state):
         return state["x"] > -self.furthest
 
-    def broken(self, outputs):
-        return outputs["x"] < -self.strength
+    def overloaded(self, outputs):
+        return {"x": outputs["x"] < -self.strength}
 
 
 @pytest.mark.parametrize(

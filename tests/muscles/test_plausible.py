@@ -48,7 +48,7 @@ ENDS = {
         0.98 * measured("shortest_measured_length"), -1, "beyond the measured ones",
     ),
     "start pressure": (lambda x: plausible.start_pressure_caution(x, 1e5, text=""), 0.0, -1, "below that of the room"),
-    "long span": (of_span, 1.02 * LAW_ENDS, 1, f"beyond {with_unit(LAW_ENDS, 'm')}"),
+    "long span": (of_span, (1.0 + plausible.ROUNDING) * LAW_ENDS, 1, "overstretched: a span of"),
     "slack span": (of_span, 0.5 * LAW_ENDS, -1, f"less than {with_unit(0.5 * LAW_ENDS, 'm')}"),
 }  # fmt: skip
 
@@ -124,14 +124,19 @@ def test_nothing_is_said_up_to_what_is_rated_or_was_measured():
 def test_what_a_run_reached_is_said_of_its_extremes():
     low, high = measured("shortest_measured_length"), measured("longest_measured_length")
     pressure = measured("highest_measured_pressure")
-    inside = plausible.reached_cautions([low, high, 0.5 * (low + high)], [0.0, pressure], MEASURED.specimen, "a")
-    assert inside == ()
+
+    def reached(lengths, pressures, spec=MEASURED.specimen):
+        return plausible.reached_cautions(lengths, pressures, MEASURED.law, spec, "a")
+
+    assert reached([low, high, 0.5 * (low + high)], [0.0, pressure]) == ()
     for lengths in ([0.9 * low, high], [high, 1.1 * high, low]):
-        (said,) = plausible.reached_cautions(lengths, [pressure], MEASURED.specimen, "a")
+        (said,) = reached(lengths, [pressure])
         assert said.parameter == "length of a"
-    (said,) = plausible.reached_cautions([low, high], [0.0, 2.0 * pressure, 1e5], MEASURED.specimen, "a")
+    assert str(reached([high, 1.1 * high, low], [pressure])[0]).startswith("overstretched: a length of a of")
+    assert len(reached([0.9 * low, 1.1 * high], [pressure])) == 2  # each end is said
+    (said,) = reached([low, high], [0.0, 2.0 * pressure, 1e5])
     assert said.parameter == "pressure of a"
-    assert plausible.reached_cautions([1e-3, 9.0], [1e5], None, "a") == ()
+    assert reached([1e-3, high], [1e5], None) == ()
 
 
 def test_a_free_length_is_judged_beside_the_measured_lengths_the_shortest_first():

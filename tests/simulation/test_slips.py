@@ -229,6 +229,73 @@ def test_a_batch_takes_words_with_a_unit_and_refuses_what_is_no_pressure(value):
         batch.simulation.batch(2, {"units.muscle.law.rest_length": ["14 cm", "14 bar"]})
 
 
+def test_what_is_said_of_a_command_is_said_again_of_one_that_is_much_farther_out():
+    sim = mk.Simulation(mk.Plate("nylon"), mk.Air(valve="regulator"))
+    sim.reset()
+
+    def new(*commands):
+        before = len(sim.cautions)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mk.errors.PlausibilityWarning)
+            for command in commands:
+                sim.step(muscle=command)
+        return [str(one) for one in sim.cautions[before:]]
+
+    assert "7.5 bar is beyond the measured ones" in new(7.5e5)[0]
+    assert new(7.6e5, 9e5, 7.5e5) == []  # what was said holds of them
+    assert "8000 bar is beyond the range of the laws" in new(8e8)[0]
+    assert new(7.5e5, 8e8, 9e8) == []
+    assert "-0.01 bar is beyond its range" in new(-1e3)[0] and new(-2e3) == []
+    assert "was 3 bar meant" in new(3.0)[0] and new(3.0, 2.0) == []  # small and negative are two slips
+
+
+def test_a_policy_is_judged_by_the_commands_that_it_gave():
+    sim = mk.Simulation(mk.Plate("nylon"), mk.Air(valve="regulator"))
+    run = sim.rollout(lambda held, seen: {"muscle": held}, steps=3, cost=lambda seen, commands: seen.tension)
+    ramp = sim.rollout(lambda top, seen: {"muscle": top * seen.time}, steps=3, cost=lambda seen, commands: seen.tension)
+    for quiet in (run, ramp):
+        assert said(lambda quiet=quiet: (quiet(1e5), sim)[1]) == ""
+    with pytest.warns(mk.errors.PlausibilityWarning, match="was 3 bar meant"):
+        run.value_and_grad(3.0)
+    with pytest.warns(mk.errors.PlausibilityWarning, match="beyond the range of the laws"):
+        run.trajectory(3e8)
+    with pytest.raises(mk.InputError, match="muscle must be a finite number"):
+        run(math.nan)
+
+
+def test_a_muscle_that_breaks_or_is_overstretched_is_named():
+    made = mk.Joint("nylon", span="15 cm", start=-0.3, stops=(-1.0, 1.0))
+    with pytest.warns(mk.errors.PlausibilityWarning, match="overstretched: a span of flexor at the start angle"):
+        sim = mk.Simulation(made, mk.Air(valve="regulator"))
+    with pytest.raises(mk.errors.ConvergenceError, match="The muscle extensor is longer than its threads bear"):
+        for _ in range(100):
+            sim.step(moment=60.0)
+    batch = sim.batch(2)
+    with pytest.raises(mk.errors.ConvergenceError, match="Lane 1 .* muscle extensor is longer than its threads"):
+        for _ in range(100):
+            batch.step(moment=[0.0, 60.0])
+
+
+def test_a_span_that_no_one_stated_says_where_it_comes_from():
+    with pytest.raises(mk.InputError, match="span of flexor at the start angle of -114.6 deg must be from 1 mm to"):
+        mk.Simulation(mk.Joint("nylon", arm="5 cm", start=-2.0))
+
+
+@pytest.mark.parametrize("changed", [0.30, 0.05, 14.0])
+def test_parameters_of_a_lane_and_of_a_copy_are_judged_beside_law_and_span(changed):
+    # the law of nylon ends at 15.4 cm; the plate holds it at 12.6 cm
+    path = "units.muscle.law.rest_length"
+    sim = mk.Simulation(mk.Plate("nylon"))
+    assert said(lambda: sim.with_parameters({path: 0.141})) == ""
+    assert "a rest length of muscle of" in said(lambda: sim.with_parameters({path: changed}))
+    assert "a rest length of muscle of lane 1 of" in said(lambda: sim.batch(3, {path: [0.14, changed, 0.14]}))
+
+
+def test_a_centre_of_mass_beyond_its_link_is_said():
+    assert said(lambda: mk.Simulation(mk.Chain(mk.Link(0.3, 0.6, centre=0.3)))) == ""
+    assert "beyond its far end" in said(lambda: mk.Simulation(mk.Chain(mk.Link(0.3, 0.6, centre=0.4))))
+
+
 def test_a_supply_below_vacuum_is_refused_by_its_own_name_in_gauge():
     with pytest.raises(
         mk.InputError, match=r"supply must be a gauge pressure of vacuum, -1.013 bar, or more, got -6 bar"

@@ -59,6 +59,7 @@ from ..quantities import Quantity, named_values, parse
 from ..recordings.files import read_points
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
+from ..slips import size_caution
 from ..specimens import Specimen, specimen
 from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 
@@ -69,6 +70,7 @@ SCHEMA = 1
 METHODS = ("auto", "rk4", "ros2")
 TIME = Quantity("s", (1e-9, 1e7), "time", "", (1e-3, 100.0))
 LONGEST = 20_000_000  # samples
+FEWEST = 5  # periods of a run; with fewer the period is a slip of its unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +177,10 @@ class CircuitPlan:
             InputError: a command that its element cannot carry out, or a length that no muscle can have.
         """
         said: list[Caution | None] = list(parameter_cautions(self.owner))
+        if self.samples < FEWEST:
+            few = f"a period of {time_words(self.period)} leaves {self.samples + 1} samples of {time_words(self.duration)}"
+            said.append(Caution(few, "run.period"))
+        said.append(size_caution(self.step, "s", name="run.step", usual=(1e-7, 1.0)))
         values = self.values()
         for name, node in self.nodes.items():
             spec = self.specimen_of(name)
@@ -183,7 +189,7 @@ class CircuitPlan:
                 said += law_cautions(spec, law_name(node.law))
                 rest = rest_length_of(spec, node.law)
                 for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
-                    said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")
+                    said += span_cautions(length, node.law, rest, name=f"length of {name}")
             held = 0.0
             if isinstance(node.node, Reservoir):
                 held = float(node.node.pressure_abs) - float(self.environment.pressure_abs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -371,11 +370,10 @@ class Machine(JoinedParts):
         }
         return {"circuit": gas, "muscles": muscles}
 
-    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
-        """Whether a muscle is longer than its threads bear."""
-        lengths = ((unit, outputs.get(f"{name}.length")) for name, unit in self.units.items())
-        over = [length > unit.breaking_length() for unit, length in lengths if length is not None]
-        return functools.reduce(jnp.logical_or, over, jnp.asarray(False))
+    def overloaded(self, outputs: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Whether each muscle is longer than its threads bear."""
+        lengths = {name: outputs[f"{name}.length"] for name in self.units if f"{name}.length" in outputs}
+        return {name: length > self.units[name].breaking_length() for name, length in lengths.items()}
 
     def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""

@@ -216,8 +216,10 @@ def pair_map(
         good = solved.sound[i] & (commons + apart <= highest) & (commons - apart >= lowest)
         if np.sum(good) < 2:
             between = f"between {with_unit(lowest, 'Pa')} and {with_unit(highest, 'Pa')}"
-            problem = f"must be one at which pressures {between} balance the pair with both muscles taut"
-            raise InputError("angle", f"{angle:.4g} rad", problem, where="pair map")
+            ends, at = " to ".join(with_unit(end, "rad") for end in angles), with_unit(float(angle), "rad")
+            problem = f"of the pair's map are {ends}, but at {at} no pressures {between} balance the pair with both "
+            problem += "muscles taut: a smaller moment arm, or muscles that pull alike, may help"
+            raise InputError("angles", None, problem)
         kept = np.linspace(commons[good].min(), commons[good].max(), levels)
         for table, values in zip(tables, solved.point, strict=True):
             table[i] = np.interp(kept, commons[good], values[i][good])

@@ -21,7 +21,7 @@ from ..identification.fit import Fit
 from ..identification.posterior import Posterior
 from ..muscles.law import TensionLaw
 from ..muscles.laws import law_type
-from ..quantities import declared
+from ..quantities import declared, random_generator
 from .outputs import Output, VariantOutcome
 from .run import Runner
 from .run_template import RunTemplate, Setting
@@ -46,7 +46,7 @@ def draws(
     Raises:
         InputError: if nearly all draws lie outside.
     """
-    chance = np.random.default_rng(seed)
+    chance = random_generator(seed)
     # by eigenvectors: a covariance of parameters that the data cannot tell apart has no Cholesky factor; the symmetric root,
     # which depends on no sign of theirs
     strength, directions = np.linalg.eigh(covariance)
@@ -115,7 +115,7 @@ def of_json(
         if muscle is not None:
             name, own = muscle
             samples.check_muscle(own, name)
-        rows = np.sort(np.random.default_rng(seed).permutation(len(samples))[: samples.rows(count).size])
+        rows = np.sort(random_generator(seed).permutation(len(samples))[: samples.rows(count).size])
         return Variants({settings[name].path: column[rows] for name, column in samples.samples.items()})
     deviation = np.array([_deviation(n, e, points, len(parameters)) for n, e in parameters.items()])
     bounds = [s.quantity.bounds if s.quantity else (-np.inf, np.inf) for s in settings.values()]
@@ -163,7 +163,7 @@ def of_samples(
     if not 1 <= count <= len(table):
         said = f"must be at most {len(table)}, the samples of the table"
         raise InputError("posterior.count", count, said, where=where)
-    chosen = np.sort(np.random.default_rng(seed).permutation(len(table))[:count])
+    chosen = np.sort(random_generator(seed).permutation(len(table))[:count])
     return Variants({name: values[chosen] for name, values in columns.items()})
 
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from .. import quantities
 from ..components import paths
 from ..errors import InputError
 from ..identification.fit import Fit
 from ..identification.posterior import Posterior
-from ..quantities import Quantity, named_values, whole_number, with_unit
+from ..quantities import Quantity, named_values, random_generator, whole_number, with_unit
 from ..simulation.fit import find_parameters
 from ..simulation.kernel import SteppedSimulation
 from ..simulation.mechanisms import in_si
@@ -61,7 +62,7 @@ def randomise(
         3
     """
     count = whole_number(count, "count", least=1)
-    chance = np.random.default_rng(seed)
+    chance = random_generator(seed)
     declared = {path: (stated, value) for path, stated, value in paths.declared_values(simulation.machine)}
     drawn = {} if muscles is None else _of_muscles(simulation, declared, count, muscles, chance)
     for pattern, spread in named_values(vary or {}, "vary").items():
@@ -96,7 +97,7 @@ def ends_of(name: str, spread: Any, unit: str, middle: float) -> tuple[float, fl
         InputError: it is neither, falls, or is a share of nothing.
     """
     if isinstance(spread, str) and (share := _TOLERANCE.fullmatch(spread)):
-        half = abs(middle) * in_si(share[1], "1", name) / 100.0
+        half = abs(middle * in_si(share[1], "1", name)) / 100.0
         if half == 0.0:
             raise InputError(
                 name, spread, f"is nothing of {with_unit(middle, unit)}; state it with a unit, or two ends"
@@ -133,13 +134,19 @@ def _of_muscles(
             order = np.arange(count)
         else:
             rows = muscles.samples if isinstance(muscles, Posterior) else named_values(muscles, "muscles")
-            lengths = {len(np.atleast_1d(column)) for column in rows.values()}
-            if len(lengths) != 1:
-                raise InputError("muscles", None, f"must be draws of one number, got {sorted(lengths)}")
-            order = chance.integers(lengths.pop(), size=count)
+            shapes = {np.shape(column) for column in rows.values()}
+            if len(shapes) != 1 or len(shape := shapes.pop()) != 1 or not shape[0]:
+                counts = ", ".join(f"{name}: {np.shape(column)}" for name, column in rows.items()) or "none"
+                raise InputError(
+                    "muscles", None, f"must be draws of each parameter (n,), as many of each, got {counts}"
+                )
+            order = chance.integers(shape[0], size=count)
         for parameter, column in rows.items():
             path = f"units.{name}.law.{parameter}"
             if path not in declared:
                 paths.declaration(simulation.machine, path)
-            drawn[path] = np.asarray(column, float)[order]
+            stated = declared[path][0]
+            every = np.asarray(quantities.in_si(column, stated.unit, field=path), float)
+            stated.check(path, every)
+            drawn[path] = every[order]
     return drawn

@@ -187,7 +187,7 @@ def read_results(path: str | os.PathLike[str]) -> tuple[Variants, Results]:
     """Read the variants and results of a store; missing ones have the code -1.
 
     Raises:
-        InputError: if it is none.
+        InputError: the file is no store of a sweep.
     """
     with _read(path) as group:
         columns = {p: np.asarray(group[f"parameters/{p}"][:]) for p in group.attrs[KEY]["parameters"]}
@@ -203,7 +203,7 @@ def parameter_units(path: str | os.PathLike[str]) -> dict[str, str]:
     """SI units of the varied parameters of a store by path, empty for words.
 
     Raises:
-        InputError: if it is none.
+        InputError: the file is no store of a sweep.
     """
     with _read(path) as group:
         return {p: str(group[f"parameters/{p}"].attrs.get("unit") or "") for p in group.attrs[KEY]["parameters"]}

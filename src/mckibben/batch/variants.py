@@ -14,6 +14,7 @@ import numpy as np
 from ..answers import brief
 from ..documents import JsonValue
 from ..errors import InputError
+from ..quantities import random_generator
 
 SPACINGS = ("linear", "log")
 MOST = 10_000_000  # variants of a sweep
@@ -74,7 +75,7 @@ def latin(ranges: Mapping[str, tuple[float, float, str]], count: int, *, seed: i
     from scipy.stats import qmc
 
     _few(count)
-    unit = qmc.LatinHypercube(len(ranges), seed=np.random.default_rng(seed)).random(count)
+    unit = qmc.LatinHypercube(len(ranges), seed=random_generator(seed)).random(count)
     return Variants({p: between(p, *r, u) for (p, r), u in zip(ranges.items(), unit.T, strict=True)})
 
 

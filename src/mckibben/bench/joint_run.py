@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .._jax import jax, jnp
+from ..answers import Caution, collect
 from ..assembly.accounts import CLOSED, Accounts, accounts, document
 from ..assembly.build import antagonist_pair, rig_unit
 from ..assembly.loads import MomentArm
@@ -23,8 +24,10 @@ from ..documents import JsonValue
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError
-from ..muscles.evidence import about_laws
+from ..muscles.evidence import about_laws, law_cautions
 from ..muscles.law import law_name
+from ..muscles.plausible import reached_cautions, span_cautions
+from ..quantities import random_generator, with_unit
 from ..recordings import Channel, Recording
 from ..recordings.memory import INTEGRATED, check_memory
 from ..recordings.provenance import created, versions
@@ -55,6 +58,10 @@ class JointStand:
     encoder: Encoder
     control: JointControl
     specimens: tuple[Specimen | None, Specimen | None] = (None, None)  # of flexor and extensor, where they have one
+
+    def muscles(self) -> Iterator[tuple[str, MuscleUnit, Specimen | None]]:
+        """Flexor and extensor by name, each with its specimen, where it has one."""
+        return ((n, self.machine.units[n], spec) for n, spec in zip(NAMES, self.specimens, strict=True))
 
     def plant(self, angle: float) -> RiggedJoint:
         """Build the pair with its converters, at rest at an angle [rad]."""
@@ -155,7 +162,8 @@ def run_joint(
     """Control a joint for a time, from rest at the first set-points; the same seed gives the same bits.
 
     Channels: measured ``angle`` and two pressures; commands, with ``approach.`` the set-points on their way; true ones of
-    the joint, both muscles and the air, ``joint.stiffness`` among them. The meta has the accounts under ``balance``.
+    the joint, both muscles and the air, ``joint.stiffness`` among them. The meta has the accounts under ``balance``, and
+    under ``warnings`` what is said of the muscles and of set-points that the map of the pair does not have.
 
     Args:
         stand: joint stand of the run.
@@ -170,7 +178,8 @@ def run_joint(
         title: title of the recording.
 
     Raises:
-        InputError: names the set-point that has no number for a sample, or the rate that the computer cannot do.
+        InputError: names the set-point that has no number for a sample or is beyond a stop, or the rate that the computer
+            cannot do.
         ConvergenceError: if the physics failed; says why.
     """
     rig = stand.rig
@@ -178,6 +187,7 @@ def run_joint(
     timing = configure(rig.computer, sample_rate, dead_time=dead, step=step)
     courses = {"angle": angle, "stiffness": stiffness, "moment": moment, "active": active}
     time, set_points = _clocked(courses, duration, timing.period)
+    said = _set_point_cautions(stand, set_points)
     begin = {n: float(v[0]) for n, v in set_points.items()}
     plant = stand.plant(begin["angle"])
     software = JointSoftware(stand.control, jnp.asarray(begin["angle"]), jnp.asarray(begin["stiffness"]))
@@ -187,7 +197,7 @@ def run_joint(
     start = plant.at_rest(commands, {node: commands[n] for n in NAMES for node in (n, f"{n}.port")})
     # rows of every sample up to the end of the last chunk, where the last set-points stay
     whole, channels = CHUNK * math.ceil(len(time) / CHUNK), list(PRESSURES.values())
-    draws = np.random.default_rng(seed).standard_normal((len(channels), whole))
+    draws = random_generator(seed).standard_normal((len(channels), whole))
     rows: Any = {n: np.concatenate([v, np.full(whole - len(time), v[-1])]) for n, v in set_points.items()}
     rows |= {"draws": dict(zip(channels, draws, strict=True))}
     row = jax.tree.map(lambda v: v[0], rows)
@@ -207,7 +217,47 @@ def run_joint(
     results = jax.tree.map(lambda *v: np.concatenate(v)[: len(time)], *parts)
     about = _about(stand, plant, timing, closed, seed) | {"title": title}
     about["timing"]["step"] = timing.period / finest
+    for name, unit, spec in stand.muscles():
+        lengths, gauges = results.outputs[f"{name}.length"], results.outputs[f"{name}.pressure"]
+        said += reached_cautions(lengths, gauges, unit.law, spec, name)
+    about["warnings"] = [one.text for one in collect(*said)]
     return Recording(time, _channels(results, len(time)), about)
+
+
+def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray]) -> list[Caution]:
+    """Cautions about muscles and set-points that the map of the pair does not have.
+
+    Raises:
+        InputError: an angle is beyond a stop, or one at the start is none that a muscle can take.
+    """
+    load, pair = stand.machine.load, stand.control.pair
+    angles, wanted = set_points["angle"], set_points["stiffness"]
+    stops = float(load.lower_stop), float(load.upper_stop)
+    said: list[Caution] = []
+    for name, values, (low, high), hard in (
+        ("angle", angles, stops, True),
+        ("angle", angles, (float(pair.angles[0]), float(pair.angles[-1])), False),
+        ("stiffness", wanted, jax.vmap(pair.stiffness_range)(angles), False),
+    ):
+        far = np.maximum(np.asarray(low) - values, values - np.asarray(high))
+        at = int(np.argmax(far))
+        if not far[at] > 0.0:
+            continue
+        unit = JOINT[f"command.{name}"][0]
+        ends = (float(np.broadcast_to(end, values.shape)[at]) for end in (low, high))
+        shown, most = with_unit(float(values[at]), unit), " to ".join(with_unit(end, unit) for end in ends)
+        if hard:
+            raise InputError(name, shown, f"must be within the stops, {most}")
+        holds = f"the pressures of its end are fed forward{', and the feedback does the rest' * (name == 'angle')}"
+        where = f" at {with_unit(float(angles[at]), 'rad')}" * (name == "stiffness")
+        said.append(Caution(f"a set-point of {shown} is beyond the map of the pair, {most}{where}: {holds}", name))
+    start = load.spans(load.initial()._replace(angle=angles[0]), {})
+    for name, unit, spec in stand.muscles():
+        rest = float(getattr(unit.law, "rest_length", unit.law.length_range()[1]))
+        called = f"span of {name} at the first angle, {with_unit(float(angles[0]), 'rad')},"
+        said += span_cautions(float(start[name].span), unit.law, rest, name=called)
+        said += law_cautions(spec, law_name(unit.law))
+    return said
 
 
 def _clocked(courses: Mapping[str, Course], duration: float, period: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -270,9 +320,7 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
         "rig": rig.name,
         "plumbing": stand.layout,
         "parameters": resolved(owners),
-        **about_laws(
-            {n: (s, law_name(plant.machine.units[n].law)) for n, s in zip(NAMES, stand.specimens, strict=True)}
-        ),
+        **about_laws({name: (spec, law_name(unit.law)) for name, unit, spec in stand.muscles()}),
         "mounting": {name: unit.mounting for name, unit in stand.machine.units.items()},
         "inferred": list(rig.inferred),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},

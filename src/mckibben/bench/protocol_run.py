@@ -14,7 +14,7 @@ from ..assembly.machine import Machine
 from ..assembly.output_names import CONSTANT
 from ..documents import JsonValue
 from ..engine import sampled
-from ..engine.soundness import Soundness, unsound_sentence
+from ..engine.soundness import Soundness, overloaded_parts, unsound_sentence
 from ..errors import ConvergenceError, EmptyRunError, InputError, LineLostError
 from ..experiments.dry_run import check
 from ..muscles.evidence import volume_contradiction
@@ -258,9 +258,9 @@ class ProtocolRun:
                 results, count = chunk.results, chunk.size
                 if not bool(results.sound.all()):
                     assert self.machine is not None
-                    if bool(np.any(self.machine.broken(results.outputs))):
+                    if parts := overloaded_parts(self.machine, results.outputs):
                         step = self.timing.period / self.finest
-                        raise ConvergenceError(unsound_sentence(Soundness.BROKEN, 0.0, step))
+                        raise ConvergenceError(unsound_sentence(Soundness.BROKEN, 0.0, step, parts))
                     said = "A state became infinite or impossible with the fixed steps of a run in real time."
                     raise ConvergenceError(said)
                 used = int(results.shown["running"].sum())

@@ -432,10 +432,9 @@ def _measured(converters: Converters, inputs: tuple[str, ...], counts: Any) -> d
 def _fits(hardware: Hardware, converters: Converters, software: BenchSoftware) -> None:
     has, needs = set(hardware.names), set(converters.names)
     if has != needs:
-        odd = ", ".join(sorted(needs ^ has))
-        raise InputError(
-            "analogue channels of the machine", sorted(has), f"the rig has {sorted(needs)}; not both: {odd}"
-        )
+        machine, of_rig, odd = (", ".join(sorted(names)) or "none" for names in (has, needs, needs ^ has))
+        problem = f"are {machine}, but those of the rig are {of_rig}: one of the two lacks {odd}"
+        raise InputError("analogue channels of the machine", None, problem)
     if converters.encoder is not None and not hardware.has_encoder:
         raise InputError("encoder", None, "is missing on the machine: the rig has one")
     if software.has_motor and not hardware.has_motor:

@@ -10,6 +10,7 @@ by a test on it. An installed package adds one by an entry point of the group ``
 from __future__ import annotations
 
 import abc
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -146,9 +147,13 @@ class System(Module):
         """How the system is cut into many cells that act on each other by a core; None if it is not, or into few."""
         return None
 
+    def overloaded(self, outputs: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Whether outputs show a part loaded beyond what it bears (bool), elementwise, by its name; none by default."""
+        return {}
+
     def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
-        """Whether outputs show a part loaded beyond what it bears (bool), elementwise; never by default."""
-        return jnp.asarray(False)
+        """Whether any part is `overloaded` (bool), elementwise."""
+        return functools.reduce(jnp.logical_or, self.overloaded(outputs).values(), jnp.asarray(False))
 
     def admissible(self, state: Tree) -> Scalar:
         """Whether a state can be at all, such as a pressure above vacuum (bool)."""

@@ -34,6 +34,7 @@ from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.muscle import muscle
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.valves import PressureRegulator
+from ..quantities import random_generator
 from ..simulation import Air, Joint, Simulation, Spring
 from ..simulation.mechanisms import Mechanism
 from ..simulation.readouts import Readout
@@ -144,7 +145,7 @@ def unseen_plants(count: int = UNSEEN, seed: int = DRAWN) -> list[Plant]:
         count: how many.
         seed: of the draws.
     """
-    random = np.random.default_rng(seed)
+    random = random_generator(seed)
 
     def spread(size: float) -> float:
         return math.exp(size * float(random.uniform(-1.0, 1.0)))

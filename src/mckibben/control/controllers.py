@@ -104,7 +104,8 @@ class FeedForward(NamedTuple):
         """Go on by one sample towards the end of the window.
 
         Returns:
-            What is remembered, the number with its lead [Pa], and whether the shaped reference lags behind.
+            What is remembered, the command u of the muscles' pressure with its lead [Pa], and whether the shaped reference
+            lags behind.
         """
         # the end of the window is shaped, and what was shaped before is what is wanted now
         shaped, moving = shape(self.past[-1], wanted, p["most"])

@@ -22,7 +22,7 @@ from .native import EngineFunction, call_compiled, call_in_lanes, compile_functi
 from .rates import RK4_LIMIT, fastest_rate
 from .side_by_side import SideBySide, Split
 from .signals import Signal
-from .soundness import OF_STORES, OPEN, Soundness, balance_errors, unsound_sentence
+from .soundness import OF_STORES, OPEN, Soundness, balance_errors, overloaded_parts, unsound_sentence
 from .step import outputs_of, step, zero_integrals
 
 STEP = 50e-6  # default step of the physics [s]
@@ -363,8 +363,8 @@ def _judge(system: System, carry: Tree, kept: Any, fastest: float, h: float, sti
         )
     if not np.all(call_in_lanes(_admissible, (system,), (kept[0],))):
         return Result.IMPOSSIBLE, f"{Result.IMPOSSIBLE.value} The step of {h:.3g} s is too long for it."
-    if np.any(system.broken(kept[2])):
-        return Result.BROKEN, unsound_sentence(Soundness.BROKEN, 0.0, h)
+    if parts := overloaded_parts(system, kept[2]):
+        return Result.BROKEN, unsound_sentence(Soundness.BROKEN, 0.0, h, parts)
     return Result.DONE, Result.DONE.value
 
 

@@ -21,7 +21,7 @@ from .integration import MOST_PARTS, ROS2_LIMIT
 from .native import call_compiled
 from .rates import RK4_LIMIT
 from .signals import Signal, Value
-from .soundness import PLACING, SOUND, SWITCHED, Soundness, possible, unsound_sentence
+from .soundness import PLACING, SOUND, SWITCHED, Soundness, overloaded_parts, possible, unsound_sentence
 from .step import Integrands, integrands_of, step, zero_integrals
 
 MOST_BLIND = 64  # parts of a step that are tried where the system no longer says how many it needs
@@ -264,8 +264,9 @@ def advance(
         h, fastest = period / inner_now, float(np.max(results.rate_bound))
         if steps.short(fastest, period / inner):
             if not bool(results.sound.all()):
-                broken = bool(np.any(plant.broken(results.outputs)))
-                raise ConvergenceError(unsound_sentence(Soundness.BROKEN if broken else Soundness.IMPOSSIBLE, 0.0, h))
+                parts = overloaded_parts(plant, results.outputs)
+                code = Soundness.BROKEN if parts else Soundness.IMPOSSIBLE
+                raise ConvergenceError(unsound_sentence(code, 0.0, h, parts))
             return after, results, inner_now
         shorter = steps.shorter(fastest, period / inner)
         if shorter is None:

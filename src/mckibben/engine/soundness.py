@@ -18,6 +18,8 @@ import enum
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from .._jax import Scalar, Tree, jax, jnp
 from ..components.system import Exchange, System
 
@@ -59,9 +61,21 @@ SENTENCE = (
 OF_STORES = {"gas": Soundness.GAS, "mechanics": Soundness.MECHANICS}
 
 
-def unsound_sentence(code: float, imbalance: float, step: float) -> str:
-    """Why a sample is not sound although its steps [s] were shortened, and what would do."""
-    meaning = MEANINGS[Soundness(int(code))]
+def overloaded_parts(system: System, outputs: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the parts that outputs show to be loaded beyond what they bear, at any time."""
+    return tuple(name for name, over in system.overloaded(outputs).items() if np.any(over))
+
+
+def meaning_of(code: float, parts: Sequence[str] = ()) -> str:
+    """What the code of a sample means, with the names of the `overloaded_parts` where it is those."""
+    meaning, named = MEANINGS[Soundness(int(code))], " and ".join(parts)
+    one = "the muscle" if named == "muscle" else f"the muscle {named}"  # one that is alone is called so
+    return meaning.replace("a muscle", one, 1) if code == Soundness.BROKEN and named else meaning
+
+
+def unsound_sentence(code: float, imbalance: float, step: float, parts: Sequence[str] = ()) -> str:
+    """Why a sample is not sound although its steps [s] were shortened, and what would do; see `meaning_of`."""
+    meaning = meaning_of(code, parts)
     said = f"{meaning[0].upper()}{meaning[1:]}"
     if code == Soundness.IMPOSSIBLE:
         return f"{said}, with steps of {step:.3g} s: a command, a parameter or the start is far out of range."

@@ -71,7 +71,7 @@ def measured_rest_lengths(spec: Specimen) -> list[float]:
 
 
 def at_rest_length(spec: Specimen, law: str, changes: Mapping[str, Any]) -> tuple[Specimen, dict[str, Any]]:
-    """The same muscle cut to the rest length among some changes, and the changes that are left.
+    """Cut a muscle to the ``rest_length`` among some changes of its law; return it with the changes that are left.
 
     All that goes with the length goes with it: lengths, turns, volume and stiffness of the law, friction and creep. Ends
     stay as they are, seats and inactive lengths, so that with them a short muscle is weaker at the same contraction.

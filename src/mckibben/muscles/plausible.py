@@ -16,7 +16,7 @@ from .._jax import is_traced
 from ..answers import Caution, collect
 from ..components.paths import declared_values
 from ..errors import InputError
-from ..quantities import amounts, with_unit
+from ..quantities import Quantity, amounts, with_unit
 from ..slips import likely_unit, size_caution
 from ..specimens import Specimen
 
@@ -36,6 +36,7 @@ MEASURED_PRESSURE = "highest_measured_pressure"
 MEASURED_LENGTHS = ("shortest_measured_length", "longest_measured_length")
 WORKING_SHARE = 0.9  # of its rest length: where a muscle is mounted unless stated otherwise
 TAUT_SHARE = 0.05  # of its rest length that it has to be longer there than when it is free
+ROUNDING = 1e-9  # by which a length that was computed may exceed the longest one of a law, a share
 BEYOND = 0.02  # by which a value may exceed the measured ones without a word, a share
 
 
@@ -69,14 +70,14 @@ def largest_strain(spec: Specimen | None = None) -> float:
     return spec.property_si("largest_strain", "1")
 
 
-def stretch_caution(length: float, longest: float) -> Caution | None:
-    """Caution about a length beyond the longest that a law is made for [m]; None if it is within."""
+def stretch_caution(length: float, longest: float, *, name: str = "length") -> Caution | None:
+    """Caution about a length beyond the longest that a law is made for [m], called by a name; None if it is within."""
     if not length > longest:
         return None
     digits = next(digits for digits in (4, 6, 17) if with_unit(length, "m", digits) != with_unit(longest, "m", digits))
     shown, most = (with_unit(value, "m", digits) for value in (length, longest))
-    said = f"overstretched: a length of {shown} is beyond the longest of this muscle's law, {most}"
-    return Caution(f"{said}; there its threads hold", "length")
+    said = f"overstretched: a {name} of {shown} is beyond the longest of this muscle's law, {most}"
+    return Caution(f"{said}; there its threads hold", name)
 
 
 def pressure_caution(
@@ -163,13 +164,16 @@ def free_length_caution(law: Any, pressures: Iterable[float], spec: Specimen | N
 
 
 def reached_cautions(
-    lengths: np.ndarray, pressures: np.ndarray, spec: Specimen | None, name: str
+    lengths: np.ndarray, pressures: np.ndarray, law: Any, spec: Specimen | None, name: str
 ) -> tuple[Caution, ...]:
-    """Cautions about the lengths of a braid [m] and the gauge pressures [Pa] that a muscle reached in a run."""
-    ends = (float(np.min(lengths)), float(np.max(lengths)))
+    """Cautions about the lengths of a braid [m] and the gauge pressures [Pa] that a muscle with a law reached in a run."""
+    least, most, called = float(np.min(lengths)), float(np.max(lengths)), f"length of {name}"
+    longest = float(law.length_range()[1])
+    stretched = stretch_caution(most, longest, name=called) if most > (1.0 + ROUNDING) * longest else None
     return collect(
         pressure_caution(float(np.max(pressures)), spec, name=f"pressure of {name}"),
-        measured_length_caution(ends, spec, f"length of {name}"),
+        stretched,
+        measured_length_caution((least, most) if stretched is None else (least,), spec, called),
     )
 
 
@@ -212,6 +216,7 @@ def argument_cautions(owner: Any, *, of: str = "") -> tuple[Caution, ...]:
     return collect(*said)
 
 
+TURNS_MARGIN = 3.0  # the same of a speed, where turns per minute are a slip of 9.5
 TYPICAL_MARGIN = 10.0  # by which a parameter may leave the range that its declaration calls typical without a word
 
 
@@ -221,17 +226,19 @@ def parameter_cautions(owner: Any) -> tuple[Caution, ...]:
     Args:
         owner: root objects by name, or an object, as `components.paths.parameters` takes them.
     """
-    said = []
-    for path, stated, value in declared_values(owner):
-        low, high = stated.typical
-        if value is None or is_traced(value) or stated.typical == stated.bounds or stated.unit == "1":
-            continue
-        usual = (low / TYPICAL_MARGIN, high * TYPICAL_MARGIN)
-        numbers = (
-            one for one in np.ravel(value).tolist() if one not in stated.bounds
-        )  # a bound switches an effect off
-        said += [size_caution(one, stated.unit, name=path, usual=usual) for one in numbers]
-    return collect(*said)
+    said = (parameter_caution(*declared) for declared in declared_values(owner))
+    return collect(*(one for cautions in said for one in cautions))
+
+
+def parameter_caution(path: str, stated: Quantity, value: Any) -> tuple[Caution, ...]:
+    """Cautions about the numbers of one declared parameter [SI], by its path and declaration."""
+    low, high = stated.typical
+    if value is None or is_traced(value) or stated.typical == stated.bounds or stated.unit == "1":
+        return ()
+    margin = TURNS_MARGIN if stated.unit == "rad/s" else TYPICAL_MARGIN
+    usual = (low / margin, high * margin)
+    numbers = (one for one in np.ravel(value).tolist() if one not in stated.bounds)  # a bound switches an effect off
+    return collect(*(size_caution(one, stated.unit, name=path, usual=usual) for one in numbers))
 
 
 # ---- a muscle where it is mounted
@@ -270,29 +277,25 @@ def span_limits(law: Any) -> tuple[float, float, float]:
     return LEAST_SPAN, LONGEST_STRAIN * longest, longest
 
 
-def span_cautions(
-    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span"
-) -> tuple[Caution, ...]:
+def span_cautions(span: float, law: Any, rest: float, *, name: str = "span") -> tuple[Caution, ...]:
     """Cautions about a span at which a muscle is mounted [m].
 
     Args:
         span: between the anchors [m].
         law: of the muscle.
         rest: its rest length [m].
-        spec: where its measured lengths may stand.
         name: of the span, in the sentence; the parameter of the cautions.
 
     Raises:
         InputError: no muscle can be that long or short; names the lengths that it can take.
     """
     shortest, most, longest = span_limits(law)
-    shown, at_rest, ends = (with_unit(value, "m") for value in (span, rest, longest))
+    shown, at_rest = (with_unit(value, "m") for value in (span, rest))
     if not shortest <= span <= most:
         problem = f"must be from 1 mm to {with_unit(most, 'm')} for a muscle of {at_rest} at rest"
         raise InputError(name, shown, problem)
-    if span > (1.0 + BEYOND) * longest:
-        said = f"a {name} of {shown} stretches the muscle beyond {ends}, the longest length that its law is made for"
-        return (Caution(said, name),)
+    if span > (1.0 + ROUNDING) * longest:
+        return collect(stretch_caution(span, longest, name=name))
     far = length_caution(span, longest, name=name)
     if far is None and span < 0.5 * longest:
         half = with_unit(0.5 * longest, "m")

@@ -243,7 +243,7 @@ def comparison_report(
         tables: in their order.
         figures: below them.
         lead: summary under the title.
-        remarks: remarks of what or whom, and what is to be said.
+        remarks: sentences below the tables, each with the name of the muscle or subject that it is about.
         details: blocks after the figures, such as what a search reached.
         keys: keys of the papers.
     """

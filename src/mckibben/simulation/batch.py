@@ -12,13 +12,13 @@ from .._jax import Scalar, Tree
 from ..answers import Caution, brief
 from ..components import paths
 from ..errors import InputError
-from ..quantities import in_si, whole_number
+from ..quantities import in_si, random_generator, whole_number
 from ..recordings.memory import SHARE, free_memory
 from ..recordings.recording import Recording
 from .kernel import SampleKernel, SteppedSimulation
 from .mechanisms import StartPressure
 from .recorded import record
-from .stepping import BEHIND, SimulationState, noise_generator, unnamed_command
+from .stepping import BEHIND, SimulationState, unnamed_command
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,12 @@ class SimulationBatch:
         self._parameters = simulation.parameters
         if self._changes:
             self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
+            flat = [
+                values.reshape(-1, lanes) for values in self._changes.values()
+            ]  # the ends stand for what is between
+            ends = sorted({int(lane) for rows in flat for row in rows for lane in (row.argmin(), row.argmax())})
+            said = (self._lane(k).changed_cautions(self._changes, f" of lane {k}") for k in ends)
+            simulation.caution(*(one for cautions in said for one in cautions), stacklevel=4)
         self.kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
         self._low, self._high = (np.array([[e[k]] for e in simulation.command_entries.values()]) for k in (1, 2))
         self._readouts = simulation.readouts.copy()
@@ -137,7 +143,7 @@ class SimulationBatch:
         starts = [self._lane(k).rest_state(pressure) for k in range(number)]
         each = self.lanes // number
         carry, observed = (np.repeat(np.stack([s[i] for s in starts], axis=1), each, axis=1) for i in range(2))
-        self._random = noise_generator(seed)
+        self._random = random_generator(seed)
         held = np.repeat(np.array([[commands[name]] for name in self.commands]), self.lanes, axis=1)
         shown = np.array(self._readouts.reset(self._with_noise(observed[:-BEHIND])))
         return self._go_on_from(self._state(0, carry, observed, shown, held))
@@ -173,10 +179,9 @@ class SimulationBatch:
             self.kernel.set_command(entries[name][0], array)
         held = self.kernel.commands
         if not ((held >= self._low) & (held <= self._high)).all():  # or one is no number
-            for name, (place, low, high) in entries.items():
-                for one in {float(held[place].min()), float(held[place].max())}:
-                    if not low <= one <= high:
-                        self.simulation.check_command(name, one)
+            before = self._log[-1] if self._log else self._begin.commands
+            for name, (place, _, _) in entries.items():
+                self.simulation.check_held(name, held[place], before[place])
         self._log.append(self.kernel.commands.copy())
         self.kernel.step()
         self._sample += 1

@@ -28,13 +28,13 @@ from ..errors import ConvergenceError, InputError
 from ..estimation import NORMAL_QUANTILE, Estimate
 from ..muscles.evidence import make_spread
 from ..muscles.plausible import LEAST_GAUGE
-from ..quantities import declared, parse, with_unit
+from ..quantities import declared, parse, random_generator, with_unit
 from .batch import SimulationBatch
 from .fit import find_parameters
 from .kernel import SteppedSimulation
 from .mechanisms import Amount, StartPressure, in_si, published
 from .recorded import described
-from .stepping import BEHIND, noise_generator, unnamed_command
+from .stepping import BEHIND, unnamed_command
 
 LANES = 128
 LOADS = ("N", "N*m")  # units of the commands that are loads
@@ -208,7 +208,7 @@ class Estimator:
             seed: seed of the lanes.
             pressure: gauge pressure at the start [Pa], of all muscles or by muscle.
         """
-        self._random = noise_generator(seed)
+        self._random = random_generator(seed)
         draws = self._random.standard_normal((len(self.spread), self.lanes))
         self._shares = np.array([*self.spread.values()]).reshape(-1, 1)
         changes = {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import abc
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from ..engine.native import EngineFunction, compile_function
 from ..engine.packed import Layout
 from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
-from ..engine.soundness import SOUND, Soundness, unsound_sentence
+from ..engine.soundness import SOUND, Soundness, overloaded_parts, unsound_sentence
 from ..errors import ConvergenceError
 from .air import AirCircuit
 from .mechanisms import Mechanism, StartPressure
@@ -58,7 +58,7 @@ class Programs:
 
     def __init__(self, plant: CommandedMachine, carry: Tree, commands: Sequence[str]) -> None:
         self.layouts = Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
-        self.fields = [name for name, _ in plant.shown]
+        self.fields, self.shown = [name for name, _ in plant.shown], [output for _, output in plant.shown]
         self.examples = (
             np.zeros(self.layouts.plant.size),
             np.zeros(self.layouts.carry.size),
@@ -81,6 +81,11 @@ class Programs:
         """`recorded_vectors` of this structure."""
         bound = functools.partial(recorded_vectors, self.layouts, stiff)
         return self._function(("recorded", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
+
+    def overloaded(self, plant: np.ndarray, observed: np.ndarray) -> tuple[str, ...]:
+        """Names of the muscles that an observation shows to be longer than their threads bear."""
+        outputs = dict(zip(self.shown, observed, strict=False))
+        return overloaded_parts(self.layouts.plant.unpack(plant), outputs)
 
     def padded(self, lanes: int) -> int:
         """Lanes that are computed for some: a kernel takes any whole number of its own blocks."""
@@ -249,9 +254,9 @@ class SampleKernel:
             if wanted == Steps():  # those have been taken
                 wanted = wanted.after(float(self._observed[-2, lane]), float(self._observed[-1, lane]), self._usual)
                 if wanted is None:
-                    broken[lane] = self._why(Steps(), self._observed[:, lane])
+                    broken[lane] = self._why(Steps(), self._observed[:, lane], lane)
             elif wanted is None:
-                broken[lane] = self._why(None, before[:, lane])
+                broken[lane] = self._why(None, before[:, lane], lane)
             waiting[lane] = wanted
         while waiting:
             groups: dict[Steps, list[int]] = {}
@@ -265,7 +270,7 @@ class SampleKernel:
                     if again == steps:
                         target[:, lane], self._observed[:, lane] = carry, observed
                     elif again is None:
-                        broken[lane] = self._why(steps, observed)
+                        broken[lane] = self._why(steps, observed, lane)
                     else:
                         waiting[lane] = again
         ended = list(broken)
@@ -314,13 +319,15 @@ class SampleKernel:
             steps = again
         raise ConvergenceError(self._why(None, self._observed))
 
-    def _why(self, steps: Steps | None, observed: np.ndarray) -> str:
+    def _why(self, steps: Steps | None, observed: np.ndarray, lane: int | None = None) -> str:
         """Why a sample cannot be taken: with the shortest steps that were tried, or none, and what they led to."""
         imbalance, bound, code = observed[-BEHIND:].tolist()
         if np.isfinite(bound) and (steps is None or not steps.short(bound, self._usual)):
             return f"A mode of the system is too fast ({bound:.3g} 1/s) for any step."
         tried = self._usual / (steps or Steps()).split
-        return unsound_sentence(code if np.isfinite(bound) else Soundness.IMPOSSIBLE, imbalance, tried)
+        plant = self.plant if self.plant.ndim == 1 else self.plant[:, lane]
+        parts = self.programs.overloaded(plant, observed)
+        return unsound_sentence(code if np.isfinite(bound) else Soundness.IMPOSSIBLE, imbalance, tried, parts)
 
     def _run(self, inner: int, stiff: bool) -> None:
         calls = self._calls.get(stiff)
@@ -457,6 +464,18 @@ class SteppedSimulation(abc.ABC):
     @abc.abstractmethod
     def check_command(self, name: str, value: float, *, lasting: bool = False) -> None:
         """Refuse what cannot be commanded, and say once what can hardly be meant."""
+
+    @abc.abstractmethod
+    def check_held(self, name: str, values: np.ndarray, before: np.ndarray) -> None:
+        """`check_command` for the values that a command had, each with the one before it."""
+
+    @abc.abstractmethod
+    def caution(self, *said: Caution | None, stacklevel: int = 2) -> None:
+        """Keep cautions, and say those that are new."""
+
+    @abc.abstractmethod
+    def changed_cautions(self, changes: Iterable[str], of: str = "") -> tuple[Caution, ...]:
+        """What can hardly be meant of parameters that were changed."""
 
     @abc.abstractmethod
     def with_arrays(self, changes: Mapping[str, np.ndarray]) -> SteppedSimulation:

@@ -214,6 +214,10 @@ class Mechanism(Stated, abc.ABC):
         """Gauge pressures at the start [Pa]; zero where it says nothing."""
         return {}
 
+    def start_angles(self) -> dict[str, float]:
+        """Angle at the start of the joint that each muscle turns [rad]; none where there is no joint."""
+        return {}
+
     def fields(self) -> dict[str, str]:
         """Fields of an observation beside those of the muscles, with the outputs that they show."""
         return {}
@@ -231,6 +235,8 @@ class Mechanism(Stated, abc.ABC):
         said = list(argument_cautions(self))
         for name, span in self.spans(units).items():
             called = "span" if len(units) == 1 else f"span of {name}"
+            if angle := self.start_angles().get(name):  # nobody has stated the span there
+                called += f" at the start angle of {with_unit(angle, 'rad')}"
             said += mounted_cautions(self.muscles[name], units[name], span, called)
         return collect(*said)
 
@@ -448,7 +454,7 @@ class Plate(Mechanism):
         return (
             CommandInput(
                 "span", "span", straight=True, unit="m", meaning=meaning,
-                range=(least, most), hard=True, usual=(0.5 * longest, 1.02 * longest),
+                range=(least, most), hard=True, usual=(0.5 * longest, longest),
             ),
         )  # fmt: skip
 
@@ -516,6 +522,10 @@ class Joint(Mechanism):
     def muscles(self) -> dict[str, AnyMuscle]:
         """Flexor and extensor."""
         return {"flexor": self.flexor, "extensor": self.flexor if self.extensor is None else self.extensor}
+
+    def start_angles(self) -> dict[str, float]:
+        """The start of the joint [rad]."""
+        return dict.fromkeys(self.muscles, self.si("start"))
 
     def _arms(self, units: Mapping[str, MuscleUnit]) -> dict[str, MomentArm]:
         return _pair_of_arms(self.arm, self.span, self.muscles, units)
@@ -661,6 +671,10 @@ class Chain(Mechanism):
         """Those of the links."""
         return {name: self.links[int(name.rpartition("_")[2]) - 1].tendon for name in self.muscles}
 
+    def start_angles(self) -> dict[str, float]:
+        """The starts of the joints that the muscles turn [rad]."""
+        return {name: self.links[int(name.rpartition("_")[2]) - 1].si("start") for name in self.muscles}
+
     def usual_spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, tuple[float, str]]:
         """The spans at angle zero, where they were left out."""
         spans: dict[str, tuple[float, str]] = {}
@@ -686,7 +700,8 @@ class Chain(Mechanism):
     def cautions(self, units: Mapping[str, MuscleUnit]) -> tuple[Caution, ...]:
         """Those of the chain, and of each link."""
         of_links = [argument_cautions(link, of=f" of link {k}") for k, link in enumerate(self.links, 1)]
-        return collect(*super().cautions(units), *(one for said in of_links for one in said))
+        centres = [_centre_caution(link, k) for k, link in enumerate(self.links, 1)]
+        return collect(*super().cautions(units), *(one for said in of_links for one in said), *centres)
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """Coupled links with the moment arms of their muscles."""
@@ -710,6 +725,16 @@ class Chain(Mechanism):
         return angles | {f"velocity_{k}": f"load.angular_velocity_{k}" for k in numbers} | tip
 
 
+def _centre_caution(link: Link, number: int) -> Caution | None:
+    """Caution about a centre of mass beyond the far end of its link."""
+    length = link.si("length")
+    if link.centre is None or link.si("centre") <= length:
+        return None
+    shown, ends = with_unit(link.si("centre"), "m"), with_unit(length, "m")
+    name = f"centre of link {number}"
+    return Caution(f"a {name} of {shown} is beyond its far end: the link is {ends} long", name)
+
+
 def default_span(muscle: AnyMuscle, unit: MuscleUnit) -> float:
     """Span of a muscle where none is stated [m]; see `muscles.plausible.working_span` for the rule."""
     return working_span(unit.law, rest_length(muscle, unit), published(muscle))
@@ -718,7 +743,7 @@ def default_span(muscle: AnyMuscle, unit: MuscleUnit) -> float:
 def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str) -> tuple[Caution, ...]:
     """Cautions about a muscle's law and the span at which it is mounted [m]; see `muscles.plausible.span_cautions`."""
     spec = published(muscle)
-    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), spec, name=name)
+    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), name=name)
     return collect(*law_cautions(spec, law_name(unit.law)), *of_span)
 
 

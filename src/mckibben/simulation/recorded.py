@@ -93,9 +93,10 @@ def _reached(simulation: SteppedSimulation, channels: Mapping[str, Channel]) -> 
         caution
         for name, muscle in simulation.system.muscles.items()
         for caution in reached_cautions(
-            channels[f"{name}.length"].values, channels[f"{name}.pressure"].values, published(muscle), name
+            channels[f"{name}.length"].values, channels[f"{name}.pressure"].values, simulation.machine.units[name].law,
+            published(muscle), name,
         )
-    ]
+    ]  # fmt: skip
 
 
 def _accounts(simulation: SteppedSimulation, begin: Tree, end: Tree, sums: dict[str, float]) -> Accounts:

@@ -79,8 +79,8 @@ class Rollout:
         Raises:
             ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
         """
-        _, _, costs, behind = self._run(parameters, self.simulation.parameters, *self._start())
-        self._check(behind)
+        _, held, costs, observed = self._run(parameters, self.simulation.parameters, *self._start())
+        self._check(held, observed)
         return float(jnp.mean(costs))
 
     def value_and_grad(self, parameters: Tree) -> tuple[float, Tree]:
@@ -89,8 +89,8 @@ class Rollout:
         Raises:
             ConvergenceError: a mode is too fast for the step of the simulation, or a state is not possible.
         """
-        (value, behind), slopes = self._slope(parameters, self.simulation.parameters, *self._start())
-        self._check(behind)
+        (value, run), slopes = self._slope(parameters, self.simulation.parameters, *self._start())
+        self._check(*run)
         return float(value), jax.tree.map(np.asarray, slopes)
 
     def machine_gradient(self, parameters: Tree, names: Sequence[str]) -> tuple[float, Tree, dict[str, np.ndarray]]:
@@ -111,8 +111,8 @@ class Rollout:
         """
         simulation = self.simulation
         places = [path for name in names for path in find_parameters(simulation.machine, name, "names")]
-        (value, behind), (slopes, plant) = self._both(parameters, simulation.parameters, *self._start())
-        self._check(behind)
+        (value, run), (slopes, plant) = self._both(parameters, simulation.parameters, *self._start())
+        self._check(*run)
         gradient, by_machine = np.asarray(plant), {}
         for path in places:
             stated = np.asarray(paths.get(simulation.machine, path), float)
@@ -132,14 +132,14 @@ class Rollout:
 
             costs = jax.vmap(rollout.as_function())(goals)
 
-        Runs that are mapped over are lanes of the kernels. Nothing is raised: a cost is NaN where a mode is too fast for the
-        step of the simulation, or a state is not possible.
+        Runs that are mapped over are lanes of the kernels. Nothing is raised or said, of commands neither: a cost is NaN
+        where a mode is too fast for the step of the simulation, or a state is not possible.
         """
         start = self.simulation.parameters, *self._start()
         usual = self.simulation.period / self.simulation.inner
 
         def mean_cost(parameters: Tree) -> Scalar:
-            value, behind = self._mean_cost(parameters, *start)
+            value, (_, behind) = self._mean_cost(parameters, *start)
             sound = (behind[:, -2] * usual <= RK4_LIMIT) & ((behind[:, -1] == SOUND) | (behind[:, -1] == SWITCHED))
             cost: Scalar = jnp.where(sound.all(), value, jnp.nan)
             return cost
@@ -148,8 +148,8 @@ class Rollout:
 
     def trajectory(self, parameters: Tree) -> tuple[Tree, dict[str, np.ndarray]]:
         """The observations (steps + 1,), a named tuple of arrays, and the commands by name (steps,)."""
-        seen, commands, _, behind = self._run(parameters, self.simulation.parameters, *self._start())
-        self._check(behind)
+        seen, commands, _, observations = self._run(parameters, self.simulation.parameters, *self._start())
+        self._check(commands, observations)
         carry, observed, _, sample = self._start()
         names = self.simulation.programs.fields
         first = [float(observed[k]) for k in range(len(names))]
@@ -180,15 +180,15 @@ class Rollout:
                 named = {name: held[k] for k, name in enumerate(simulation.commands)}
                 price = self.cost(self._observation(observed, (sample + index + 1.0) * simulation.period), named)
             numbers = [observed[k] for k in range(self._fields)]
-            return (carry, observed, held), (numbers, held, jnp.asarray(price, float), observed[-BEHIND:])
+            return (carry, observed, held), (numbers, held, jnp.asarray(price, float), observed)
 
         begin = (jnp.asarray(carry), jnp.asarray(observed), jnp.asarray(held))
         _, kept = jax.lax.scan(one, begin, jnp.arange(float(self.steps)))
         return kept
 
     def _mean_cost(self, parameters: Any, *start: Any) -> tuple[Tree, Tree]:
-        _, _, costs, behind = self._trajectory(parameters, *start)
-        return jnp.mean(costs), behind
+        _, held, costs, observed = self._trajectory(parameters, *start)
+        return jnp.mean(costs), (held, observed)
 
     def _observation(self, observed: Any, time: Scalar) -> Any:
         return self.simulation.Observation(time, *(observed[k] for k in range(self._fields)))
@@ -203,8 +203,11 @@ class Rollout:
                 raise InputError("command", name, known=known)
         return jnp.stack([jnp.asarray(commands.get(name, held[k]), float) for k, name in enumerate(known)])
 
-    def _check(self, behind: Any) -> None:
-        rows, usual = np.asarray(behind), self.simulation.period / self.simulation.inner
+    def _check(self, held: Any, observed: Any) -> None:
+        every = np.concatenate([self.simulation.save_state().commands[None], np.asarray(held)])
+        for name, column in zip(self.simulation.commands, every.T, strict=True):
+            self.simulation.check_held(name, column[1:], column[:-1])
+        rows, usual = np.asarray(observed), self.simulation.period / self.simulation.inner
         fastest = float(np.max(rows[:, -2]))
         if np.isfinite(fastest) and fastest * usual > RK4_LIMIT:
             raise ConvergenceError(
@@ -213,5 +216,9 @@ class Rollout:
             )
         unsound = np.flatnonzero(~np.isin(rows[:, -1], (SOUND, SWITCHED)))
         if unsound.size:  # a run with derivatives repeats no sample, one in which a muscle gets slack or taut neither
-            imbalance, _, code = rows[unsound[0]].tolist()
-            raise ConvergenceError(f"Sample {unsound[0]} is not sound. {unsound_sentence(code, imbalance, usual)}")
+            row = rows[unsound[0]]
+            imbalance, _, code = row[-BEHIND:].tolist()
+            said = unsound_sentence(
+                code, imbalance, usual, self.simulation.programs.overloaded(self.simulation.parameters, row)
+            )
+            raise ConvergenceError(f"Sample {unsound[0]} is not sound. {said}")

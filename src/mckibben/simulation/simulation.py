@@ -16,7 +16,7 @@ import functools
 import keyword
 import math
 from collections import namedtuple
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
@@ -26,10 +26,11 @@ from .._jax import Scalar, Tree
 from ..answers import Caution, collect, warn
 from ..assembly.machine import Machine
 from ..components import paths
+from ..components.system import Value
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.plausible import start_pressure_caution
-from ..quantities import named_values, with_unit
+from ..muscles.plausible import BEYOND, parameter_caution, span_cautions, start_pressure_caution
+from ..quantities import named_values, random_generator, with_unit
 from ..recordings.recording import Recording
 from ..slips import USUAL_SIZES, size_caution
 from ..specimens import Specimen
@@ -47,8 +48,8 @@ from .stepping import (
     BEHIND,
     CommandedMachine,
     CommandInput,
+    SaidCommands,
     SimulationState,
-    noise_generator,
     rest_carry,
     unnamed_command,
 )
@@ -135,7 +136,7 @@ class Simulation(SteppedSimulation):
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
         self.command_entries = self._entries()
-        self._said: set[tuple[str, bool]] = set()
+        self._said = SaidCommands()
         self.cautions: tuple[Caution, ...] = ()
         self.caution(*said, stacklevel=3)
         self._attach()
@@ -214,7 +215,7 @@ class Simulation(SteppedSimulation):
             first[name] = in_si(value, self._unit(name), name)
             self.check_command(name, first[name], lasting=True)
         carry, observed = self._rest(starts, first)
-        self._random = noise_generator(seed)
+        self._random = random_generator(seed)
         vector = np.array([first[name] for name in self.commands])
         shown = self._with_noise(observed[:-BEHIND].tolist()) if self.noise is not None else []
         if self.readouts:
@@ -572,7 +573,7 @@ class Simulation(SteppedSimulation):
         return published(self.system.muscles[command]) if command in self.units else None
 
     def check_command(self, name: str, value: float, *, lasting: bool = False) -> None:
-        """Say once of a command, and of either side of its range, that it can hardly be meant.
+        """Say of a command that it can hardly be meant, unless `SaidCommands` has it.
 
         A pressure that inflates nothing is one that holds, or is so small that it was meant in bar: ramps begin at zero.
 
@@ -585,16 +586,26 @@ class Simulation(SteppedSimulation):
             InputError: it is no finite number, or no command that can be carried out.
         """
         place, low, high = self.command_entries[name]
-        if value == 0.0 and self._drive(name).unit == "Pa":
+        drive = self._drive(name)
+        if value == 0.0 and drive.unit == "Pa":
             return
-        drive, side = self._drive(name), (name, bool(value > high))
-        if side in self._said and not drive.hard and math.isfinite(value):
+        farther = self._said.farther(name, value, high)
+        if not farther and not drive.hard and math.isfinite(value):
             return
         said = drive.check(value, self._specimen_of(name), reach=self._reach(drive))
         begins = drive.unit == "Pa" and MEANT_IN_BAR < value < low and value != self._buffer[place]
-        if said is not None and side not in self._said and (lasting or not begins):
-            self._said.add(side)
+        if said is not None and farther and (lasting or not begins):
+            self._said.keep(name, value, high)
             self.caution(said, stacklevel=4)
+
+    def check_held(self, name: str, values: np.ndarray, before: np.ndarray) -> None:
+        """`check_command` for the values that a command had [SI], (n,), each with the one before it, (n,)."""
+        _, low, high = self.command_entries[name]
+        odd = ~((low <= values) & (values <= high))
+        if self._unit(name) == "Pa":  # zero is at rest, and a ramp begins there
+            odd &= (values != 0.0) & ~((MEANT_IN_BAR < values) & (values < low) & (values != before))
+        for one in {float(values[odd].min()), float(values[odd].max())} if odd.any() else ():
+            self.check_command(name, one, lasting=True)
 
     def with_parameters(self, changes: Mapping[str, Amount]) -> Simulation:
         """The same simulation with other parameters of its machine, by dotted path [SI, or words with a unit].
@@ -611,8 +622,38 @@ class Simulation(SteppedSimulation):
             stated.check(path, numbers[path])
             said.append(size_caution(value, stated.unit, name=path))
         other = self.with_arrays(numbers)
-        other.caution(*said)
+        known = {one.parameter for one in said if one is not None}  # in the words in which it was typed
+        other.caution(*said, *(one for one in other.changed_cautions(numbers) if one.parameter not in known))
         return other
+
+    def changed_cautions(self, changes: Iterable[str], of: str = "") -> tuple[Caution, ...]:
+        """What can hardly be meant of parameters that were changed, and of the spans at the start beside them.
+
+        Args:
+            changes: their paths.
+            of: behind the name of each, such as a lane.
+        """
+        said: list[Caution] = []
+        for path in changes:
+            said += parameter_caution(
+                f"{path}{of}", paths.declaration(self.machine, path), paths.get(self.machine, path)
+            )
+        load, commands = self.machine.load, self.start_commands()
+        inputs = {drive.signal: Value(commands[drive.command], 0.0) for drive in self.drives}
+        spans, single = load.spans(load.initial(), inputs), len(self.units) == 1
+        for name, unit in self.machine.units.items():
+            called = f"span{of}" if single else f"span of {name}{of}"
+            longest = float(unit.law.length_range()[1])
+            rest = float(getattr(unit.law, "rest_length", longest))
+            if not 0.5 * longest <= rest <= (1.0 + BEYOND) * longest:
+                shown, ends = with_unit(rest, "m"), f"{with_unit(0.5 * longest, 'm')} to {with_unit(longest, 'm')}"
+                far = f"a rest length of {name}{of} of {shown} is far from the lengths of its law, {ends}"
+                said.append(Caution(far, f"rest length of {name}{of}"))
+            try:
+                said += span_cautions(float(spans[name].span), unit.law, rest, name=called)
+            except InputError as error:  # a span that comes may suit what is changed now
+                said.append(Caution(str(error), called))
+        return collect(*said)
 
     def with_arrays(self, changes: Mapping[str, np.ndarray]) -> Simulation:
         """The same with parameters that have the type and shape of those that they replace [SI]."""
@@ -623,7 +664,7 @@ class Simulation(SteppedSimulation):
         return other
 
     def _use(self, machine: Machine) -> None:
-        self.machine, self._said = machine, set(self._said)
+        self.machine, self._said = machine, SaidCommands(self._said)
         self.plant = self.plant.replace(machine=machine)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)

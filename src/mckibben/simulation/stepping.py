@@ -24,7 +24,7 @@ from ..engine.signals import Signal, Value
 from ..engine.soundness import balance_errors, soundness, switched
 from ..engine.step import integrands_of, watched_of, zero_integrals
 from ..errors import InputError
-from ..muscles.plausible import LEAST_PRESSURE, highest_usual_pressure, pressure_caution
+from ..muscles.plausible import LEAST_PRESSURE, SLIP, highest_usual_pressure, pressure_caution, stretch_caution
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.solenoid import between
 from ..pneumatics.volume import Reservoir
@@ -128,12 +128,39 @@ class CommandInput(NamedTuple):
                 above = f"a command {self.command} of {shown} is above the supply of {with_unit(reach, 'Pa')}"
                 said = f"{above}, which is all that comes" if value > reach + LEAST_PRESSURE else ""
                 return unusual or (Caution(said, f"command {self.command}") if said else None)
+            if self.straight and value > self.usual[1]:  # a span
+                return stretch_caution(value, self.usual[1], name=f"command {self.command}")
             return size_caution(value, self.unit, name=f"command {self.command}", usual=self.usual)
         if self.hard:
             raise InputError(self.command, shown, f"must be from {ends}")
         end = with_unit(low if value < low else high, self.unit)
         said = f"a command {self.command} of {shown} is beyond its range, {ends}: it acts as {end}"
         return Caution(said, f"command {self.command}")
+
+
+class SaidCommands(dict[tuple[str, int], float]):
+    """Commands of which something was said: by name and side of their range, the one that was farthest out.
+
+    What is said of 8 bar is not all that is to be said of 8000: a command that is `SLIP` times as far out is a new one.
+    """
+
+    def farther(self, name: str, value: float, high: float) -> bool:
+        """Whether a command [SI] is farther out than what was said of it; `high` is the upper end of what is usual."""
+        side = self._side(value, high)
+        before = self.get((name, side))
+        if before is None:
+            return True
+        return abs(value) < abs(before) / SLIP if side == 0 else abs(value) > SLIP * abs(before)
+
+    def keep(self, name: str, value: float, high: float) -> None:
+        """Remember that something was said of a command [SI]."""
+        self[name, self._side(value, high)] = value
+
+    @staticmethod
+    def _side(value: float, high: float) -> int:
+        return (
+            1 if value > high else -1 if value < 0.0 else 0
+        )  # of those that are too small, the smaller is farther out
 
 
 class CommandedMachine(Plant):
@@ -198,9 +225,9 @@ class CommandedMachine(Plant):
         """Of the machine [1/s]."""
         return self.machine.max_rate_bound(state, memory, inputs)
 
-    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
+    def overloaded(self, outputs: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Of the machine."""
-        return self.machine.broken(outputs)
+        return self.machine.overloaded(outputs)
 
     def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""
@@ -316,14 +343,6 @@ def _seen(
 BEHIND = (
     3  # numbers of a vector behind the observation: error of a balance, bound of the fastest mode, code of the sample
 )
-
-
-def noise_generator(seed: int) -> np.random.Generator:
-    """The generator of the sensors' noise for a seed, a whole number from 0."""
-    try:
-        return np.random.default_rng(seed)
-    except (TypeError, ValueError):
-        raise InputError("seed", None, f"must be a whole number from 0, got {seed!r}") from None
 
 
 def unnamed_command(values: Sequence[object], commands: Sequence[str]) -> InputError:

@@ -189,7 +189,7 @@ class PageConnection:
             if "shown" in asked:
                 # what is drawn after somebody wanted a stop lets the machine go no further
                 if not self._stops:
-                    self.workspace.shown(self.page, _whole(asked.get("epoch")), _whole(asked["shown"]))
+                    self.workspace.note_drawn(self.page, _whole(asked.get("epoch")), _whole(asked["shown"]))
                 continue
             action, words = str(asked.get("act", "")), asked.get("words")
             arguments = {str(k): v for k, v in words.items()} if isinstance(words, dict) else {}

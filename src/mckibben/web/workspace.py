@@ -281,7 +281,7 @@ class PageMachine(Protocol):
     def refusal(self, spec: Specimen) -> str:
         """Why what is to run cannot run with another muscle; empty where it can."""
 
-    def shown(self, epoch: int, samples: int) -> None:
+    def note_drawn(self, epoch: int, samples: int) -> None:
         """Note how many samples the page in control has drawn."""
 
     def control_lost(self) -> None:
@@ -399,10 +399,10 @@ class Workspace:
         finally:
             self.changed()
 
-    def shown(self, page: str, epoch: int, samples: int) -> None:
+    def note_drawn(self, page: str, epoch: int, samples: int) -> None:
         """Note how many samples of an epoch a page has drawn, if it is in control."""
         if self.control.holds(page):
-            self.machine.shown(epoch, samples)
+            self.machine.note_drawn(epoch, samples)
 
     def delete(self, name: str) -> None:
         """Delete a recording; it can be restored while its notice is shown."""

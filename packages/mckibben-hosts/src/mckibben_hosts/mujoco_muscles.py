@@ -38,7 +38,7 @@ import numpy as np
 
 from mckibben.answers import Caution, warn
 from mckibben.documents import write_text
-from mckibben.engine.soundness import MEANINGS, SENTENCE, Soundness
+from mckibben.engine.soundness import SENTENCE, Soundness
 from mckibben.errors import InputError
 from mckibben.extras import library
 
@@ -331,7 +331,7 @@ class _AttachedPart:
         new, out = self.part.step_vector(state, inputs, period, staggered=True)
         code = Soundness(int(out[self.code]))
         if code != Soundness.SOUND and self.sound:  # once, until it is sound again
-            sentence = SENTENCE.format(f"{period:g}", MEANINGS[code])
+            sentence = self.part.unsound_sentence(period, out)
             warn([Caution(f"{', '.join(self.names)}, at {data.time:g} s: {sentence}")])
         self.sound = code == Soundness.SOUND
         following = np.concatenate([new / self.sizes, out[self.tensions]])

@@ -34,7 +34,7 @@ from mckibben.components import paths
 from mckibben.documents import parse_toml, read_text
 from mckibben.engine.native import EngineFunction, compile_function
 from mckibben.engine.packed import Layout
-from mckibben.engine.soundness import MEANINGS, SENTENCE, Soundness
+from mckibben.engine.soundness import SENTENCE, Soundness, meaning_of, overloaded_parts
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.muscles.build import at_rest_length
 from mckibben.muscles.elements import Tendon
@@ -54,7 +54,7 @@ from mckibben.simulation.mechanisms import (
     muscle_unit,
     published,
 )
-from mckibben.simulation.stepping import CommandInput
+from mckibben.simulation.stepping import CommandInput, SaidCommands
 from mckibben.slips import size_caution
 from mckibben.specimens import specimen
 
@@ -182,7 +182,7 @@ class Part:
             d.command: d.silent(spec, reach=reach)
             for d, (spec, reach) in zip(self.air.drives, self._judged.values(), strict=True)
         }
-        self._said: set[str] = set()  # commands of which something was said
+        self._said = SaidCommands()
         said = [*self.air.cautions, size_caution(substep, "s", name="substep", usual=USUAL_SUBSTEPS)]
         for name, muscle in named.items():
             of, spec, start = "" if len(units) == 1 else f" of {name}", published(muscle), starts[name]
@@ -347,12 +347,20 @@ class Part:
         new, out = self.step_vector(state, vector, period, staggered=staggered)
         seen = self._Outputs._make(out.tolist())
         if seen.sound != Soundness.SOUND:
-            raise ConvergenceError(SENTENCE.format(f"{period:g}", MEANINGS[Soundness(int(seen.sound))]))
+            raise ConvergenceError(self.unsound_sentence(period, out))
         return new, seen
 
     def observe(self, state: np.ndarray, *, span: Any, rate: Any = 0.0, **commands: float) -> Any:
         """Outputs at a moment, as `step` returns them, without going on."""
         return self.observe_vector(state, self._moment(state, span, rate, commands))
+
+    def unsound_sentence(self, period: float, out: np.ndarray) -> str:
+        """Why a step of a host [s] is not sound, from its outputs in the order of `outputs`."""
+        seen = dict(zip(self.outputs, out.tolist(), strict=True))
+        alone = len(self.muscles) == 1
+        lengths = {f"{name}.length": seen["length" if alone else f"{name}_length"] for name in self.muscles}
+        parts = overloaded_parts(self.hosted.machine, lengths)
+        return SENTENCE.format(f"{period:g}", meaning_of(seen["sound"], parts))
 
     def step_vector(
         self, state: np.ndarray, inputs: np.ndarray, period: float, *, staggered: bool = False
@@ -448,11 +456,12 @@ class Part:
         return self._silent[command]
 
     def command_caution(self, drive: CommandInput, value: float) -> None:
-        """Say once of a command that it can hardly be meant; raises `InputError` where it cannot be carried out."""
+        """Say of a command what `SaidCommands` has not; raises `InputError` where it cannot be carried out."""
         spec, reach = self._judged[drive.command]
         said = drive.check(value, spec, reach=reach)
-        if said is not None and drive.command not in self._said:
-            self._said.add(drive.command)
+        high = self._silent[drive.command][1]
+        if said is not None and self._said.farther(drive.command, value, high):
+            self._said.keep(drive.command, value, high)
             warn([said], stacklevel=5)
 
     # ---- what hosts need to know

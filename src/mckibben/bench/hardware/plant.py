@@ -98,9 +98,9 @@ class MeasuredPlant(Plant):
         bounds += [2.0 * jnp.pi * s.cutoff for s in self.sensors.values()]
         return jnp.stack([jnp.asarray(b) for b in bounds]).max()
 
-    def broken(self, outputs: Mapping[str, Scalar]) -> Scalar:
+    def overloaded(self, outputs: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """Of the machine."""
-        return self.machine.broken(outputs)
+        return self.machine.overloaded(outputs)
 
     def admissible(self, state: Tree) -> Scalar:
         """Whether every volume holds gas above vacuum."""

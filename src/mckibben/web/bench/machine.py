@@ -362,7 +362,7 @@ class Bench:
             self.vented = False
         return "reset"
 
-    def shown(self, epoch: int, samples: int) -> None:
+    def note_drawn(self, epoch: int, samples: int) -> None:
         """Note how many samples of an epoch the page in control has drawn."""
         if self.running is not None and epoch == self.stream.epoch:
             self.clock.viewed(samples * self.stream.period)

@@ -137,7 +137,12 @@ class Task(abc.ABC):
         return scaled
 
     def reward(self, error: np.ndarray, action: np.ndarray) -> np.ndarray:
-        """Of a control period; the action (actions,) or (lanes, actions)."""
+        """Reward of one control period [1]: minus the error in tolerances, minus a price of open valves.
+
+        Args:
+            error: distance from the goal at its end [unit of the tolerance], a number or (lanes,).
+            action: as it was taken, from -1 to 1, (actions,) or (lanes, actions).
+        """
         opening = np.abs(action[..., 0])
         for k in range(1, len(self.actions)):
             opening = opening + np.abs(action[..., k])

@@ -230,7 +230,7 @@ class ComparePage:
             try:
                 path = self.workspace.recordings.found(name)
                 loops[name] = drawings.loop_of(path)
-                columns.append(Compared(name, drawings.recorded(path), None))
+                columns.append(Compared(name, drawings.column_of_recording(path), None))
             except MckibbenError as error:
                 said = str(error).replace(f"{self.workspace.recordings.folder}/", "")
                 columns.append(Compared(name, None, None, said))

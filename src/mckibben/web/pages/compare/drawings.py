@@ -50,7 +50,7 @@ def column(one: ComparedMuscle) -> MuscleColumn:
     return _results.get((one.spec.where, one.id, one.full), lambda: law_column(one))
 
 
-def recorded(path: Path) -> MuscleColumn:
+def column_of_recording(path: Path) -> MuscleColumn:
     """Compute Table 1 of a recording."""
     return _results.get((path, path.stat().st_mtime_ns), lambda: column_of(path))
 
