@@ -3,36 +3,40 @@
 PHYSICS_TESTS = {
     "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py laws/test_never_pushes.py "
     "literature/test_force_maps.py",
-    "muscles/hysteresis/": "laws/test_amounts_of_elements.py laws/test_friction_is_passive.py "
-    "laws/test_hysteresis_memory.py",
-    "muscles/law.py": "muscles/test_pressure_law.py laws/test_one_potential.py laws/test_beyond_the_range.py "
-    "laws/test_inverse.py laws/test_limits.py",
+    "muscles/hysteresis/": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
+    "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
+    "muscles/law.py": "laws/test_refusals_of_physics.py muscles/test_pressure_law.py laws/test_one_potential.py "
+    "laws/test_beyond_the_range.py laws/test_inverse.py laws/test_limits.py",
     "muscles/braid.py": "laws/test_limits.py muscles/test_sleeve.py",
     "muscles/bladder.py": "laws/test_limits.py laws/test_inverse.py laws/test_one_potential.py",
     "muscles/biological.py": "laws/test_biological_muscle.py literature/test_gordon_and_hill.py",
-    "muscles/elements.py": "laws/test_amounts_of_elements.py laws/test_elements.py laws/test_creep.py",
+    "muscles/elements.py": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py laws/test_elements.py "
+    "laws/test_creep.py",
     "muscles/threads.py": "laws/test_beyond_the_range.py",
     "muscles/worn_braid.py": "muscles/test_worn_braid.py bench/test_faults.py",
-    "muscles/muscle.py": "muscles/test_muscle.py laws/test_inverse.py muscles/test_rest_length.py",
+    "muscles/muscle.py": "laws/test_refusals_of_physics.py muscles/test_muscle.py laws/test_inverse.py "
+    "muscles/test_rest_length.py",
     "components/flow.py": "laws/test_circuits.py laws/test_catalogue_flows.py",
     "components/gas.py": "laws/test_gas.py laws/test_exergy.py agreement/test_gas_against_coolprop.py",
     "pneumatics/orifice.py": "laws/test_catalogue_flows.py agreement/test_orifice_against_others.py "
     "laws/test_valves.py",
     "pneumatics/valves.py": "laws/test_valves.py specimens/test_valve_specimens.py",
     "pneumatics/solenoid.py": "laws/test_valves.py specimens/test_valve_specimens.py",
-    "pneumatics/compressor.py": "laws/test_valves.py laws/test_nan_in_nan_out.py",
+    "pneumatics/compressor.py": "laws/test_refusals_of_physics.py laws/test_valves.py laws/test_nan_in_nan_out.py",
     "pneumatics/tubes.py": "laws/test_circuits.py laws/test_circuit_balances.py "
     "agreement/test_circuits_against_radau.py",
     "pneumatics/volume.py": "laws/test_two_volumes.py laws/test_circuits.py laws/test_circuit_balances.py "
     "laws/test_exergy.py",
-    "pneumatics/circuit.py": "laws/test_exergy.py laws/test_circuits.py laws/test_circuit_balances.py "
-    "assembly/test_circuit_file.py",
-    "pneumatics/distributed/": "laws/test_distributed_tube.py agreement/test_distributed_tube_against_fluids.py",
+    "pneumatics/circuit.py": "laws/test_refusals_of_physics.py laws/test_exergy.py laws/test_circuits.py "
+    "laws/test_circuit_balances.py assembly/test_circuit_file.py",
+    "pneumatics/distributed/": "laws/test_refusals_of_physics.py laws/test_distributed_tube.py "
+    "agreement/test_distributed_tube_against_fluids.py",
     "assembly/muscle_unit.py": "assembly/test_tied_muscle.py assembly/test_clamp.py laws/test_machines.py",
     "assembly/accounts.py": "bench/test_energy_of_runs.py laws/test_exergy.py laws/test_machines.py",
     "assembly/loads/": "laws/test_link_chain.py laws/test_machines.py bench/test_joint.py",
     "assembly/linearise.py": "laws/test_linearise.py",
-    "engine/integration.py": "laws/test_convergence_order.py engine/test_soundness.py simulation/test_chosen_steps.py",
+    "engine/integration.py": "laws/test_refusals_of_physics.py laws/test_convergence_order.py engine/test_soundness.py "
+    "simulation/test_chosen_steps.py",
     "engine/step.py": "laws/test_convergence_order.py",
     "engine/sampled.py": "engine/test_soundness.py simulation/test_chosen_steps.py",
     "engine/soundness.py": "engine/test_soundness.py",
@@ -42,9 +46,10 @@ PHYSICS_TESTS = {
     "simulation/fit.py": "simulation/test_fit.py",
     "simulation/estimator.py": "simulation/test_estimator.py",
     "simulation/stepping.py": "simulation/test_simulation.py simulation/test_operations.py simulation/test_batch.py",
-    "simulation/simulation.py": "simulation/test_simulation.py simulation/test_slips.py simulation/test_operations.py",
-    "analysis/loops.py": "analysis/test_loops.py analysis/test_loop_residuals.py analysis/test_questions.py "
-    "analysis/test_sampling.py",
+    "simulation/simulation.py": "laws/test_refusals_of_physics.py simulation/test_simulation.py "
+    "simulation/test_slips.py simulation/test_operations.py",
+    "analysis/loops.py": "laws/test_refusals_of_physics.py analysis/test_loops.py analysis/test_loop_residuals.py "
+    "analysis/test_questions.py analysis/test_sampling.py",
     "analysis/steps.py": "analysis/test_steps.py analysis/test_questions.py",
     "analysis/frequency.py": "analysis/test_frequency.py analysis/test_timing.py analysis/test_loops.py "
     "analysis/test_questions.py",

@@ -1,4 +1,4 @@
-"""What maps, calibrations, scales and readers refuse is one sentence about what was stated; what lies next to it is taken."""
+"""What maps, calibrations, scales and readers refuse is one sentence about what was stated; what is next to it is taken."""
 
 import gzip
 import math
