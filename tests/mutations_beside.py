@@ -55,13 +55,14 @@ PHYSICS_TESTS = {
     "analysis/test_questions.py",
     "analysis/energy/": "analysis/test_energy_cycles.py analysis/test_power.py cli/test_energy_command.py",
     "analysis/energy_accounts.py": "analysis/test_energy_accounts.py bench/test_energy_of_runs.py",
-    "identification/fit.py": "identification/test_ranking.py identification/test_what_data_show.py "
-    "identification/test_bad_input.py identification/test_length_spread.py muscles/test_rest_length.py",
+    "identification/fit.py": "identification/test_words_of_a_fit.py identification/test_ranking.py "
+    "identification/test_what_data_show.py identification/test_bad_input.py identification/test_length_spread.py "
+    "muscles/test_rest_length.py",
     "identification/creep_fit.py": "identification/test_creep_fit.py",
     "identification/hysteresis_fit.py": "identification/test_hysteresis_fit.py",
     "identification/circuit_fit.py": "identification/test_circuit_fit.py identification/test_standstill.py",
-    "identification/ranking.py": "identification/test_ranking.py report/test_fit_report.py "
-    "identification/test_priors.py",
+    "identification/ranking.py": "identification/test_words_of_a_fit.py identification/test_ranking.py "
+    "report/test_fit_report.py identification/test_priors.py",
 }
 SOFTWARE_TESTS = {
     "bench/software/controllers.py": "bench/test_controllers.py bench/test_joint.py",
