@@ -109,8 +109,8 @@ GUARDS_TESTS = {
     "bench/software/interlocks.py": "bench/test_interlocks.py bench/test_emergency_stop.py",
     "experiments/dry_run.py": "experiments/test_dry_run.py",
     "muscles/plausible.py": "muscles/test_plausible.py muscles/test_muscle.py simulation/test_slips.py",
-    "muscles/evidence.py": "muscles/test_sleeve.py specimens/test_errors.py specimens/test_between_muscles.py "
-    "muscles/test_contradiction.py",
+    "muscles/evidence.py": "muscles/test_words_about_a_law.py muscles/test_sleeve.py specimens/test_errors.py "
+    "specimens/test_between_muscles.py muscles/test_contradiction.py",
     "muscles/check.py": "muscles/test_check.py muscles/test_check_own_laws.py laws/test_closed_cycles.py",
     "slips.py": "muscles/test_plausible.py simulation/test_slips.py",
     "isolation.py": "test_isolation.py recordings/test_outside.py recordings/test_hostile_files.py",
