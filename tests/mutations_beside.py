@@ -111,7 +111,8 @@ GUARDS_TESTS = {
     "muscles/plausible.py": "muscles/test_plausible.py muscles/test_muscle.py simulation/test_slips.py",
     "muscles/evidence.py": "muscles/test_words_about_a_law.py muscles/test_sleeve.py specimens/test_errors.py "
     "specimens/test_between_muscles.py muscles/test_contradiction.py",
-    "muscles/check.py": "muscles/test_check.py muscles/test_check_own_laws.py laws/test_closed_cycles.py",
+    "muscles/check.py": "muscles/test_check_frictions.py muscles/test_check.py muscles/test_check_own_laws.py "
+    "laws/test_closed_cycles.py",
     "slips.py": "muscles/test_plausible.py simulation/test_slips.py",
     "isolation.py": "test_isolation.py recordings/test_outside.py recordings/test_hostile_files.py",
     "registry.py": "test_registry.py test_code_in_files.py cli/test_extras.py",
