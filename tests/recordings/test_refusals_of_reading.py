@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import mckibben as mk
 from mckibben.errors import InputError
+from mckibben.formats import columns as columns_of_tables
 from mckibben.formats.table import ForeignColumn, ForeignTable, parse_scale
-from mckibben.formats.text import row_list
+from mckibben.formats.text import _decimal_mark, row_list
 from mckibben.recordings import Channel, ForceMap, Recording, read_recording
 from mckibben.recordings.calibration import (
     Calibration,
@@ -302,3 +305,48 @@ def test_the_travel_of_an_encoder_counts_from_the_span_at_which_it_was_zeroed_la
     for mounted in ("x", None, [1.0, 2.0, 3.0]):
         meta = {"encoder": {"mounted": mounted, "resolution": 1e-3}}
         refused(lambda meta=meta: indicated(converted(values, meta, "m"), "a"), "encoder.mounted must be a span [m]")
+
+
+WHOLE = st.integers(-99, 99).map(str)
+WORDS = st.sampled_from(["", "a.b", "x,y", "n.a.", "-", "1.2.3", "on"])  # with marks, and no numbers
+
+
+def decimals(mark):
+    """Numbers that only this decimal mark fits: not with three places, which might be thousands."""
+    parts = st.tuples(st.integers(0, 999), st.sampled_from(["5", "25", "2505", "000001"]))
+    return parts.map(lambda part: f"{part[0]}{mark}{part[1]}")
+
+
+@given(st.sampled_from(".,"), st.data())
+def test_the_decimal_mark_is_that_of_the_numbers_which_one_mark_alone_fits_and_others_decide_nothing(mark, data):
+    other = "," if mark == "." else "."
+    alone, both = decimals(mark), st.just(f"1{mark}234")
+    plain = data.draw(st.lists(WHOLE | WORDS, max_size=5))
+    certain = data.draw(st.lists(alone, min_size=1, max_size=3))
+    cells = data.draw(st.permutations([*plain, *certain, data.draw(both), f"1{other}234{mark}5"]))
+
+    def found(cells):
+        return _decimal_mark([(["7"] * len(cells), "a [m]"), (cells, "b [N]")], range(len(cells)), "f")
+
+    assert found(cells) == mark and found(plain) == "."
+    with pytest.raises(InputError, match="if it parts thousands; all numbers of the file fit both"):
+        found([*plain, f"1{mark}234"])
+    with pytest.raises(InputError, match="a file is read with one decimal mark"):
+        found([*cells, data.draw(decimals(other))])
+
+
+@pytest.mark.parametrize(
+    ("samples", "changes", "events"),
+    [(6, 3, 3), (6, 4, 0), (20, 10, 10), (20, 11, 0), (4000, 1000, 1000), (4000, 1001, 0)],
+)
+def test_words_that_change_at_most_every_other_sample_are_events_and_others_are_none(samples, changes, events):
+    cells = np.array([f"w{min(i, changes - 1)}" for i in range(samples)], object)
+    found = columns_of_tables._events({"state": cells, "of another clock": cells[1:]}, np.arange(samples) * 0.5)
+    assert len(found) == events
+    assert found[:2] == [{"time": 0.5 * i, "text": f"w{i}", "column": "state"} for i in range(2)][: len(found)]
+
+
+def test_a_blank_cell_is_no_event_and_one_that_comes_back_is_one_again():
+    cells = np.array(["", "on", "on", "", "on", ""], object)
+    found = columns_of_tables._events({"b": cells, "a": np.array(["x"] * 6, object)}, np.arange(6.0))
+    assert [(one["time"], one["text"]) for one in found] == [(0.0, "x"), (1.0, "on"), (4.0, "on")]
