@@ -66,7 +66,8 @@ PHYSICS_TESTS = {
 }
 SOFTWARE_TESTS = {
     "bench/software/controllers.py": "bench/test_controllers.py bench/test_joint.py",
-    "bench/software/sequencer.py": "bench/test_manual.py bench/test_sample_loop.py bench/test_run.py",
+    "bench/software/sequencer.py": "bench/test_program_of_steps.py bench/test_manual.py bench/test_sample_loop.py "
+    "bench/test_run.py",
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
     "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
