@@ -313,3 +313,39 @@ def test_what_is_read_bare_is_written_bare_and_reads_back():
         assert read_table(Line, FileTable(table), bare=bare) == line
         assert isinstance(table["length"], float) is bare
     assert write_table(line, units={"gain": "kN"})["gain"] == "2.5 kN"  # as it is said there
+
+
+@dataclass(frozen=True)
+class Count:
+    """Whole numbers with and without bounds of their own."""
+
+    free: int = schema.whole(default=0)
+    most: int = schema.whole(1, 5, default=1)
+    least: int = schema.whole(2, default=2)
+
+
+def test_a_whole_number_without_bounds_is_one_of_64_bits_from_zero_and_its_bounds_are_its_own():
+    for stated in (
+        {"free": 0},
+        {"free": 2**63 - 1},
+        {"free": "7"},
+        {"most": 1},
+        {"most": 5},
+        {"least": 2},
+        {"least": 2**63 - 1},
+    ):
+        table = read_table(Count, FileTable(stated))
+        assert [getattr(table, key) for key in stated] == [int(value) for value in stated.values()]
+    for key, value, demand in (
+        ("free", -1, "must be a whole number, got -1"),
+        ("free", 2**63, "must be a whole number, got 9223372036854775808"),
+        ("most", 0, "between 1 and 5, got 0"),
+        ("most", 6, "between 1 and 5, got 6"),
+        ("least", 1, "whole number, 2 or more, got 1"),
+        ("least", 2**63, "whole number, 2 or more, got"),
+        ("free", 1.0, "must be a whole number"),
+        ("free", "x", "must be a whole number"),
+    ):
+        with pytest.raises(InputError) as refused:
+            read_table(Count, FileTable({key: value}))
+        assert demand in str(refused.value)
