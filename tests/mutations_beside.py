@@ -1,37 +1,42 @@
 """The sources in which mutations are drawn, by room, and the tests beside each, quick ones first."""
 
 PHYSICS_TESTS = {
-    "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py "
-    "laws/test_never_pushes.py literature/test_force_maps.py",
-    "muscles/hysteresis/": "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
-    "muscles/law.py": "muscles/test_pressure_law.py laws/test_one_potential.py laws/test_beyond_the_range.py "
-    "laws/test_inverse.py laws/test_limits.py",
+    "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py laws/test_never_pushes.py "
+    "literature/test_force_maps.py",
+    "muscles/hysteresis/": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
+    "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
+    "muscles/law.py": "laws/test_refusals_of_physics.py muscles/test_pressure_law.py laws/test_one_potential.py "
+    "laws/test_beyond_the_range.py laws/test_inverse.py laws/test_limits.py",
     "muscles/braid.py": "laws/test_limits.py muscles/test_sleeve.py",
     "muscles/bladder.py": "laws/test_limits.py laws/test_inverse.py laws/test_one_potential.py",
     "muscles/biological.py": "laws/test_biological_muscle.py literature/test_gordon_and_hill.py",
-    "muscles/elements.py": "laws/test_elements.py laws/test_creep.py",
+    "muscles/elements.py": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py laws/test_elements.py "
+    "laws/test_creep.py",
     "muscles/threads.py": "laws/test_beyond_the_range.py",
     "muscles/worn_braid.py": "muscles/test_worn_braid.py bench/test_faults.py",
-    "muscles/muscle.py": "muscles/test_muscle.py laws/test_inverse.py muscles/test_rest_length.py",
+    "muscles/muscle.py": "laws/test_refusals_of_physics.py muscles/test_muscle.py laws/test_inverse.py "
+    "muscles/test_rest_length.py",
     "components/flow.py": "laws/test_circuits.py laws/test_catalogue_flows.py",
     "components/gas.py": "laws/test_gas.py laws/test_exergy.py agreement/test_gas_against_coolprop.py",
     "pneumatics/orifice.py": "laws/test_catalogue_flows.py agreement/test_orifice_against_others.py "
     "laws/test_valves.py",
     "pneumatics/valves.py": "laws/test_valves.py specimens/test_valve_specimens.py",
     "pneumatics/solenoid.py": "laws/test_valves.py specimens/test_valve_specimens.py",
-    "pneumatics/compressor.py": "laws/test_valves.py",
+    "pneumatics/compressor.py": "laws/test_refusals_of_physics.py laws/test_valves.py laws/test_nan_in_nan_out.py",
     "pneumatics/tubes.py": "laws/test_circuits.py laws/test_circuit_balances.py "
     "agreement/test_circuits_against_radau.py",
-    "pneumatics/volume.py": "laws/test_two_volumes.py laws/test_circuits.py "
-    "laws/test_circuit_balances.py laws/test_exergy.py",
-    "pneumatics/circuit.py": "laws/test_exergy.py laws/test_circuits.py laws/test_circuit_balances.py "
-    "assembly/test_circuit_file.py",
-    "pneumatics/distributed/": "laws/test_distributed_tube.py agreement/test_distributed_tube_against_fluids.py",
+    "pneumatics/volume.py": "laws/test_two_volumes.py laws/test_circuits.py laws/test_circuit_balances.py "
+    "laws/test_exergy.py",
+    "pneumatics/circuit.py": "laws/test_refusals_of_physics.py laws/test_exergy.py laws/test_circuits.py "
+    "laws/test_circuit_balances.py assembly/test_circuit_file.py",
+    "pneumatics/distributed/": "laws/test_tube_equations.py laws/test_refusals_of_physics.py "
+    "laws/test_distributed_tube.py agreement/test_distributed_tube_against_fluids.py",
     "assembly/muscle_unit.py": "assembly/test_tied_muscle.py assembly/test_clamp.py laws/test_machines.py",
     "assembly/accounts.py": "bench/test_energy_of_runs.py laws/test_exergy.py laws/test_machines.py",
     "assembly/loads/": "laws/test_link_chain.py laws/test_machines.py bench/test_joint.py",
     "assembly/linearise.py": "laws/test_linearise.py",
-    "engine/integration.py": "laws/test_convergence_order.py engine/test_soundness.py simulation/test_chosen_steps.py",
+    "engine/integration.py": "laws/test_refusals_of_physics.py laws/test_convergence_order.py engine/test_soundness.py "
+    "simulation/test_chosen_steps.py",
     "engine/step.py": "laws/test_convergence_order.py",
     "engine/sampled.py": "engine/test_soundness.py simulation/test_chosen_steps.py",
     "engine/soundness.py": "engine/test_soundness.py",
@@ -41,47 +46,50 @@ PHYSICS_TESTS = {
     "simulation/fit.py": "simulation/test_fit.py",
     "simulation/estimator.py": "simulation/test_estimator.py",
     "simulation/stepping.py": "simulation/test_simulation.py simulation/test_operations.py simulation/test_batch.py",
-    "simulation/simulation.py": "simulation/test_simulation.py simulation/test_slips.py simulation/test_operations.py",
-    "analysis/loops.py": "analysis/test_loops.py analysis/test_loop_residuals.py analysis/test_questions.py "
-    "analysis/test_sampling.py",
+    "simulation/simulation.py": "laws/test_refusals_of_physics.py simulation/test_simulation.py "
+    "simulation/test_slips.py simulation/test_operations.py",
+    "analysis/loops.py": "laws/test_refusals_of_physics.py analysis/test_loops.py analysis/test_loop_residuals.py "
+    "analysis/test_questions.py analysis/test_sampling.py",
     "analysis/steps.py": "analysis/test_steps.py analysis/test_questions.py",
     "analysis/frequency.py": "analysis/test_frequency.py analysis/test_timing.py analysis/test_loops.py "
     "analysis/test_questions.py",
     "analysis/energy/": "analysis/test_energy_cycles.py analysis/test_power.py cli/test_energy_command.py",
     "analysis/energy_accounts.py": "analysis/test_energy_accounts.py bench/test_energy_of_runs.py",
-    "identification/fit.py": "identification/test_ranking.py identification/test_what_data_show.py "
-    "identification/test_bad_input.py identification/test_length_spread.py "
+    "identification/fit.py": "identification/test_words_of_a_fit.py identification/test_ranking.py "
+    "identification/test_what_data_show.py identification/test_bad_input.py identification/test_length_spread.py "
     "muscles/test_rest_length.py",
     "identification/creep_fit.py": "identification/test_creep_fit.py",
     "identification/hysteresis_fit.py": "identification/test_hysteresis_fit.py",
     "identification/circuit_fit.py": "identification/test_circuit_fit.py identification/test_standstill.py",
-    "identification/ranking.py": "identification/test_ranking.py report/test_fit_report.py "
-    "identification/test_priors.py",
+    "identification/ranking.py": "identification/test_words_of_a_fit.py identification/test_ranking.py "
+    "report/test_fit_report.py identification/test_priors.py",
 }
 SOFTWARE_TESTS = {
     "bench/software/controllers.py": "bench/test_controllers.py bench/test_joint.py",
-    "bench/software/sequencer.py": "bench/test_manual.py bench/test_sample_loop.py bench/test_run.py",
+    "bench/software/sequencer.py": "bench/test_program_of_steps.py bench/test_manual.py bench/test_sample_loop.py "
+    "bench/test_run.py",
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
     "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
     "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py bench/test_sample_loop.py",
-    "recordings/recording.py": "analysis/test_segments.py analysis/test_questions.py recordings/test_tables_of_others.py "
-    "recordings/test_files_of_laboratories.py recordings/test_recording.py",
-    "recordings/calibration.py": "recordings/test_calibration_file.py recordings/test_calibration.py",
-    "recordings/force_map.py": "recordings/test_force_map.py recordings/test_tables_of_others.py "
-    "recordings/test_one_file_per_pressure.py recordings/test_files_of_laboratories.py "
-    "recordings/test_bad_tables.py",
+    "recordings/recording.py": "analysis/test_segments.py analysis/test_questions.py "
+    "recordings/test_tables_of_others.py recordings/test_files_of_laboratories.py recordings/test_recording.py",
+    "recordings/calibration.py": "recordings/test_refusals_of_reading.py recordings/test_calibration_file.py "
+    "recordings/test_calibration.py",
+    "recordings/force_map.py": "recordings/test_refusals_of_reading.py recordings/test_force_map.py "
+    "recordings/test_tables_of_others.py recordings/test_one_file_per_pressure.py "
+    "recordings/test_files_of_laboratories.py recordings/test_bad_tables.py",
     "recordings/provenance.py": "recordings/test_differences.py recordings/test_conditions.py "
     "recordings/test_cautions.py",
     "recordings/memory.py": "recordings/test_memory.py",
-    "recordings/files.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py "
-    "recordings/test_files_of_laboratories.py",
-    "formats/columns.py": "recordings/test_files_of_laboratories.py recordings/test_files_of_others.py "
-    "recordings/test_bad_records.py",
-    "formats/text.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
-    "recordings/test_bad_records.py recordings/test_files_of_others.py",
-    "formats/table.py": "recordings/test_formats.py recordings/test_bad_tables.py "
-    "recordings/test_files_of_laboratories.py recordings/test_recording.py",
+    "recordings/files.py": "recordings/test_refusals_of_reading.py recordings/test_formats.py "
+    "recordings/test_convert.py recordings/test_outside.py recordings/test_files_of_laboratories.py",
+    "formats/columns.py": "recordings/test_refusals_of_reading.py recordings/test_files_of_laboratories.py "
+    "recordings/test_files_of_others.py recordings/test_bad_records.py",
+    "formats/text.py": "recordings/test_refusals_of_reading.py recordings/test_files_of_laboratories.py "
+    "recordings/test_tables_of_others.py recordings/test_bad_records.py recordings/test_files_of_others.py",
+    "formats/table.py": "recordings/test_refusals_of_reading.py recordings/test_formats.py "
+    "recordings/test_bad_tables.py recordings/test_files_of_laboratories.py recordings/test_recording.py",
     "formats/store.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py",
     "formats/exchange.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
     "recordings/test_convert.py recordings/test_files_of_others.py",
@@ -102,16 +110,17 @@ GUARDS_TESTS = {
     "bench/software/interlocks.py": "bench/test_interlocks.py bench/test_emergency_stop.py",
     "experiments/dry_run.py": "experiments/test_dry_run.py",
     "muscles/plausible.py": "muscles/test_plausible.py muscles/test_muscle.py simulation/test_slips.py",
-    "muscles/evidence.py": "muscles/test_sleeve.py specimens/test_errors.py specimens/test_between_muscles.py "
-    "muscles/test_contradiction.py",
-    "muscles/check.py": "muscles/test_check.py muscles/test_check_own_laws.py laws/test_closed_cycles.py",
+    "muscles/evidence.py": "muscles/test_words_about_a_law.py muscles/test_sleeve.py specimens/test_errors.py "
+    "specimens/test_between_muscles.py muscles/test_contradiction.py",
+    "muscles/check.py": "muscles/test_check_frictions.py muscles/test_check.py muscles/test_check_own_laws.py "
+    "laws/test_closed_cycles.py",
     "slips.py": "muscles/test_plausible.py simulation/test_slips.py",
-    "isolation.py": "recordings/test_outside.py recordings/test_hostile_files.py",
+    "isolation.py": "test_isolation.py recordings/test_outside.py recordings/test_hostile_files.py",
     "registry.py": "test_registry.py test_code_in_files.py cli/test_extras.py",
     "documents.py": "test_documents.py cli/test_full_disk.py",
-    "schema.py": "test_schema.py specimens/test_bad_specimens.py",
-    "web/guard.py": "browser/test_connections.py browser/test_screen_security.py",
-    "web/live.py": "browser/test_connections.py browser/test_workspace.py",
+    "schema.py": "test_schema.py specimens/test_bad_specimens.py assembly/test_circuit_file.py",
+    "web/guard.py": "browser/test_line_of_a_page.py browser/test_workspace.py browser/test_connections.py",
+    "web/live.py": "browser/test_line_of_a_page.py browser/test_workspace.py browser/test_connections.py",
     "specimens/model.py": "specimens/test_bad_specimens.py muscles/test_sleeve.py specimens/test_published_muscles.py",
     "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py bench/test_session_proxy.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",

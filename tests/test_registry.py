@@ -101,3 +101,88 @@ def test_sources_of_a_package_that_joins_are_watched_as_the_own_ones(monkeypatch
     assert "mckibben" in registry.WATCHED and "mckibben_new" not in registry.WATCHED
     registry.join("mckibben_new")
     assert "mckibben_new" in registry.WATCHED
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """A folder with a file of one's own that is allowed, and a registry of numbers that takes them from files."""
+    monkeypatch.setenv(registry.CODE, "")
+    monkeypatch.setenv(registry.FIXED, "")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text("two = 2\nthree = 3.0\nclass Four: pass\n")
+    return Registry(
+        "mckibben.none", "number", {"one": 1}, accept=lambda v: None if isinstance(v, int) else "a whole number"
+    )
+
+
+def test_a_name_of_a_file_stands_for_what_a_registry_accepts_of_an_allowed_one(own, tmp_path):
+    with pytest.raises(InputError, match="names code, which a file cannot run by itself"):
+        own.find("own.py:two")
+    registry.named_by_person("own.py:two", 3, "one", "none.py:two", "own.py")
+    assert own.find("own.py:two") == own["own.py:two"] == own[f"{tmp_path}/own.py:two"] == 2 and "own.py:two" in own
+    for name, says in (
+        ("own.py:three", "own.py:three must be a whole number"),
+        ("own.py:tree", "own.py has no 'tree'."),
+        ("own.py", "own.py must be followed by the name of a number in it, as in own.py:Name"),
+        ("none.py:two", "File not found"),
+        ("on", "Unknown number 'on'. Did you mean 'one'"),
+    ):
+        with pytest.raises(InputError) as error:
+            own.find(name)
+        assert says in str(error.value)
+    without = Registry("mckibben.none", "number", {"one": 1})  # takes none from files
+    assert "own.py:two" not in without and not without._is_file("own.py:two")
+    with pytest.raises(InputError, match="Unknown number 'own.py:two'"):
+        without.find("own.py:two")
+
+
+def test_only_python_files_of_a_bounded_length_are_allowed_and_none_after_a_server_has_begun(own, tmp_path):
+    (tmp_path / "long.py").write_text("#" * (registry.LONGEST_FILE + 1))
+    registry.allow_code("long.py")
+    for act, says in (
+        (lambda: registry.load_reference("long.py:a", field="law"), "must be a Python file below 1 MB"),
+        (lambda: registry.load_reference("long", field="law"), "must be a file and a name in it, such as my.py:MyLaw"),
+        (lambda: registry.allow_code("own.txt"), "code must be a Python file, such as my.py"),
+        (lambda: registry.allow_code("none.py"), "File not found: none.py"),
+    ):
+        with pytest.raises(InputError, match=says):
+            act()
+    (tmp_path / "long.py").write_text("a = 1".ljust(registry.LONGEST_FILE))
+    assert registry.load_reference("long.py:a", field="law") == 1
+    registry.allow_code("long.py")  # twice is once
+    assert registry.os.environ[registry.CODE] == str(tmp_path / "long.py")
+    registry.fix_code()
+    with pytest.raises(InputError, match="must be named when the server is started"):
+        registry.allow_code("own.py")
+    registry.named_by_person("own.py:two")  # passes, and allows nothing
+    with pytest.raises(InputError, match="names code"):
+        registry.load_reference("own.py:two", field="law")
+
+
+def test_references_in_a_file_begin_at_its_folder_keys_and_values_and_nothing_else_moves():
+    document = {"law": "own.py:Law", "laws": {"own.py:Law": {"a": 1}}, "list": ["b.py:B", "text", 3], "title": "own.py"}
+    assert registry.with_own_references(document, "folder/a.toml") == {
+        "law": "folder/own.py:Law",
+        "laws": {"folder/own.py:Law": {"a": 1}},
+        "list": ["folder/b.py:B", "text", 3],
+        "title": "own.py",
+    }
+    for name, known in (
+        ("a.py:B", True),
+        ("a.py:b_1", True),
+        ("a.py:1", False),
+        ("a.py", False),
+        (":B", False),
+        (3, False),
+    ):
+        assert registry.is_reference(name) is known
+
+
+def test_a_kind_of_a_notebook_gets_a_name_of_its_own_each_time_and_keeps_it(own):
+    kinds = Registry("mckibben.none", "kind", {}, accept=lambda _: None)
+    first, second = (type("Kind", (), {}) for _ in range(2))
+    assert [kinds.register(one) for one in (first, second, first)] == ["Kind", "Kind_2", "Kind"]
+    assert registry.registered_name(first) == "Kind" and registry.registered_name(3) is None
+    assert kinds.own() == (first, second) and len(kinds) == 2
+    with pytest.raises(InputError, match="float must be a whole number"):
+        own.register(1.5)

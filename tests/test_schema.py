@@ -7,6 +7,7 @@ import pytest
 
 from mckibben import schema
 from mckibben.errors import InputError
+from mckibben.quantities import quantity
 from mckibben.schema import FileTable, read_table, write_table
 
 
@@ -251,3 +252,100 @@ def test_what_is_at_its_default_is_written_only_if_it_is_asked_for_and_what_is_s
     assert write_table(leg, bare=True)["length"] != 0.0
     assert "level" not in write_table(read(level=math.inf), units=UNITS)
     assert schema.read_stated(Thing, FileTable({"from": "2 s", "loud": True}), ["from", "level"]) == {"begin": 2.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """What has parameters as parts of a circuit do, and a field that its reader gives."""
+
+    length: float = quantity("m", (0.0, 2.0), "of it")
+    gain: float = quantity("N", (0.0, 5.0), "of it", default=1.0)
+    name: str = ""
+    open: bool = True
+
+
+def test_declared_bounds_hold_in_the_declared_unit_and_not_in_one_that_stands_in_its_place():
+    line = read_table(Line, FileTable({"length": "2 m", "gain": "5 N"}))
+    assert (line.length, line.gain, line.name, line.open) == (2.0, 5.0, "", True)
+    assert read_table(Line, FileTable({"length": "2 m", "gain": "500 Pa"}), units={"gain": "Pa"}).gain == 500.0
+    assert read_table(Line, FileTable({"length": "2 m", "gain": "500 Pa"}), units={"N": "Pa"}).gain == 500.0
+    for table, says in (
+        ({"length": "2.1 m"}, "between 0 cm and 200 cm"), ({"length": "1 m", "gain": "5.1 N"}, "between 0 N and 5 N"),
+        ({}, "length is missing: it is the of it"), ({"length": "1 m", "open": 1}, "must be true or false"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=says):
+            read_table(Line, FileTable(table))
+    with pytest.raises(InputError, match="between 0 cm and 200 cm"):  # a unit that is stated for another key
+        read_table(Line, FileTable({"length": "3 m"}), units={"gain": "Pa"})
+
+
+def test_a_field_that_the_reader_gives_is_none_of_the_table_and_keys_of_another_reader_stay():
+    stated = {"length": "1 m", "of": 3}
+    assert read_table(Line, FileTable(stated), beside=("of",), name="a").name == "a"
+    for beside, given in (((), {}), (("of",), {"length": 1.0})):
+        with pytest.raises(InputError, match="Unknown field"):
+            read_table(Line, FileTable(stated), beside=beside, **given)
+    # what another reader reads is not read here, whether or not a field has that name
+    assert read_table(Line, FileTable({"length": "1 m", "gain": "wrong"}), beside=("gain",)).gain == 1.0
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What keeps all other keys."""
+
+    name: str
+    part: Leg = schema.nested(Leg)
+    others: dict = schema.rest()
+
+
+def test_all_other_keys_go_to_the_rest_and_a_part_that_is_left_out_is_read_as_an_empty_table():
+    table = FileTable({"name": "a", "part": {"length": "1 m"}, "x": 1, "y": [2]}, "t")
+    assert read_table(Rest, table) == Rest("a", Leg(1.0), {"x": 1, "y": [2]})
+    assert read_table(Rest, table, beside=("y",)).others == {"x": 1}
+    with pytest.raises(InputError, match=r"t\.part\.length is missing"):
+        read_table(Rest, FileTable({"name": "a"}, "t"))
+
+
+def test_what_is_read_bare_is_written_bare_and_reads_back():
+    line = Line(length=0.1, gain=2.5, name="a", open=False)
+    for bare in (False, True):
+        table = write_table(line, bare=bare)
+        assert read_table(Line, FileTable(table), bare=bare) == line
+        assert isinstance(table["length"], float) is bare
+    assert write_table(line, units={"gain": "kN"})["gain"] == "2.5 kN"  # as it is said there
+
+
+@dataclass(frozen=True)
+class Count:
+    """Whole numbers with and without bounds of their own."""
+
+    free: int = schema.whole(default=0)
+    most: int = schema.whole(1, 5, default=1)
+    least: int = schema.whole(2, default=2)
+
+
+def test_a_whole_number_without_bounds_is_one_of_64_bits_from_zero_and_its_bounds_are_its_own():
+    for stated in (
+        {"free": 0},
+        {"free": 2**63 - 1},
+        {"free": "7"},
+        {"most": 1},
+        {"most": 5},
+        {"least": 2},
+        {"least": 2**63 - 1},
+    ):
+        table = read_table(Count, FileTable(stated))
+        assert [getattr(table, key) for key in stated] == [int(value) for value in stated.values()]
+    for key, value, demand in (
+        ("free", -1, "must be a whole number, got -1"),
+        ("free", 2**63, "must be a whole number, got 9223372036854775808"),
+        ("most", 0, "between 1 and 5, got 0"),
+        ("most", 6, "between 1 and 5, got 6"),
+        ("least", 1, "whole number, 2 or more, got 1"),
+        ("least", 2**63, "whole number, 2 or more, got"),
+        ("free", 1.0, "must be a whole number"),
+        ("free", "x", "must be a whole number"),
+    ):
+        with pytest.raises(InputError) as refused:
+            read_table(Count, FileTable({key: value}))
+        assert demand in str(refused.value)

@@ -297,3 +297,13 @@ def test_a_sensor_that_leaves_its_limits_is_said_with_the_limit_and_the_first_on
     ):
         said = lock.reason(int(Trip.OUT_OF_LIMITS), measured, 1.25)
         assert said.startswith(f"out of limits at 1.25 s: {words}; ")
+
+
+@pytest.mark.parametrize(
+    ("value", "trips"), [(1e4, False), (8e5, False), (9.99e3, True), (8.01e5, True), (np.nan, True), (None, False)]
+)
+def test_a_sensor_with_limits_of_its_own_trips_beyond_either_and_within_or_missing_never(value, trips) -> None:
+    lock = locks(sensors={"valve_pressure": (1e4, 8e5), "tension": (-5.0, 90.0)})
+    measured = dict(HEALTHY) | ({} if value is None else {"valve_pressure": value})
+    assert first(lock, 2, measured=measured) == ((1, Trip.OUT_OF_LIMITS) if trips else None)
+    assert first(lock, 2, measured={"pressure": 3e5, "span": 0.12}) is None

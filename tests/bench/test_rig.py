@@ -4,15 +4,18 @@ import copy
 import dataclasses
 import tomllib
 from importlib import resources
+from types import SimpleNamespace
 
 import pytest
 
 import mckibben as mk
 from mckibben.assembly.build import rig_cord, unit_from_specimen
+from mckibben.bench.rig import SOUND_GRIP, RigFaults
 from mckibben.bench.rig_file import read_rig, rig, rig_names
 from mckibben.bench.software.interlocks import Trip
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol
+from mckibben.muscles.elements import Tendon
 from mckibben.recordings.calibration import Calibration, Correction
 
 
@@ -195,3 +198,27 @@ def test_a_plumbing_is_the_named_one_and_a_calibration_is_of_the_rig_and_of_chan
         paper.calibrated(dataclasses.replace(stated, rig="modern"))
     with pytest.raises(InputError, match="The rig measures pressure"):
         paper.calibrated(dataclasses.replace(stated, corrections={"colour": Correction(unit="Pa", terms={})}))
+
+
+def test_a_machine_without_faults_keeps_its_parts_and_each_fault_is_present_alone():
+    part, sound = SimpleNamespace(), RigFaults()
+    assert sound.present == sound.drifts() == {} and sound.unit(part) is part and sound.plumbing(part) is part
+    for name, value in {"leak": 1e-10, "clamp_grip": 50.0, "tension_drift": -3.0, "lost_threads": 0.1}.items():
+        assert RigFaults(**{name: value}).present == {name: value}
+    assert RigFaults(clamp_grip=SOUND_GRIP, leak=0.0).present == {}
+    assert RigFaults(tension_drift=-3.0, span_drift=1e-6).drifts() == {"tension": -3.0, "span": 1e-6}
+
+
+def test_a_fault_changes_its_part_and_one_without_that_part_is_refused():
+    leaks = [
+        RigFaults(leak=2e-9).leaking(SimpleNamespace(leak=one)) for one in (None, SimpleNamespace(conductance=1e-9))
+    ]
+    assert [float(one.conductance) for one in leaks] == pytest.approx([2e-9, 3e-9], rel=1e-12)
+    tied = SimpleNamespace(tendon=Tendon(stiffness=1e5, slack_length=0.02))
+    assert float(RigFaults(clamp_slack=0.01).slack(tied).slack_length) == pytest.approx(0.03, rel=1e-12)
+    assert float(RigFaults(clamp_grip=50.0).slipping().grip) == 50.0
+    with pytest.raises(InputError, match="faults: clamp_slack needs a tendon that the clamp holds"):
+        RigFaults(clamp_slack=0.01).slack(SimpleNamespace(tendon=None))
+    for name in ("valve_blockage", "valve_sticking"):
+        with pytest.raises(InputError, match=f"faults.{name} is known of pressure regulators only"):
+            RigFaults(**{name: 0.1}).valve(SimpleNamespace(valve=object()))

@@ -391,3 +391,38 @@ def test_what_trips_a_run_anew_stays_until_the_session_is_reset(machine):
     assert machine.status().state == "stopped" and machine.messages()[-1].kind == "stop"
     machine.reset()
     assert machine.status().state == "idle"
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, float("nan")])
+def test_a_speed_is_a_factor_above_zero(speed):
+    with pytest.raises(InputError, match="speed must be a factor above zero"):
+        Session(paper(), "nylon", speed=speed, by_hand=False)
+
+
+def test_a_simulated_machine_may_go_on_at_another_speed_and_a_real_one_has_its_own():
+    with Session(paper(), "nylon", speed=1e-3, by_hand=False) as session:
+        assert session.simulated and session.clock.speed == 1e-3
+        session.set_speed(2.0)
+        assert session.clock.speed == 2.0
+    for state, real in ((None, True), ({}, False)):  # of a served simulation there is a state, of a real machine none
+        with Session(paper(), "nylon", SimpleNamespace(state=lambda state=state: state), by_hand=False) as session:
+            assert session.simulated is not real
+            if real:
+                with pytest.raises(InputError, match="speed must be left out: a real machine has its own time"):
+                    session.set_speed(2.0)
+
+
+def test_a_recording_is_begun_and_ended_once(machine):
+    with pytest.raises(InputError, match="record is off already; use record on"):
+        machine.stop_recording()
+    machine.start_recording()
+    with pytest.raises(InputError, match="record is on already; use record off"):
+        machine.start_recording()
+    assert machine.status().recorded is not None
+    machine.wait(0.01)
+    assert (
+        len(machine.stop_recording()) == pytest.approx(0.01 / machine.period, abs=1)
+        and machine.status().recorded is None
+    )
+    with pytest.raises(InputError, match="reset is allowed only after a stop, while nothing runs"):
+        machine.reset()

@@ -31,6 +31,15 @@ def test_where_all_conditions_are_the_same_numbers_of_the_machine_tell_recording
     assert told_apart([meta(), meta()]) == [{}, {}]
 
 
+def test_more_numbers_of_the_machine_than_can_be_told_tell_nothing_and_conditions_are_told_whatever_their_number():
+    for count, known in ((provenance.MOST, True), (provenance.MOST + 1, False)):
+        paths = [f"circuit.tube.{i}" for i in range(count)]
+        two = [meta(parameters={path: {"value": value, "unit": "1"} for path in paths}) for value in (1.0, 2.0)]
+        assert told_apart(two) == [dict.fromkeys(paths, text) if known else {} for text in ("1", "2")]
+        more = [{"protocol": {"parameters": {path: {"value": value} for path in paths}}} for value in ("a", "b")]
+        assert told_apart(more)[0] == dict.fromkeys(paths, "a")
+
+
 def test_a_file_of_another_program_has_no_conditions_that_it_does_not_state():
     assert conditions({"title": "map.csv", "protocol": None, "specimen": None}) == {}
 

@@ -21,7 +21,7 @@ from mckibben import isolation
 from mckibben.documents import parse_json, parse_toml
 from mckibben.errors import InputError
 from mckibben.formats.registry import BUILT_IN, PLAIN_TEXT
-from mckibben.formats.sidecar import unreadable
+from mckibben.formats.sidecar import undecodable, unreadable
 from mckibben.formats.table import ForeignColumn, ForeignTable, StoredRecording
 from mckibben.formats.text import read_text_table
 from mckibben.recordings import Channel, Recording, read_recording
@@ -272,5 +272,14 @@ def test_a_process_is_kept_for_the_next_file_and_not_after_a_large_one(tmp_path,
 def test_a_lack_of_memory_is_not_taken_for_a_broken_file(error):
     with pytest.raises(MemoryError), unreadable("a file"):
         raise error
+    with pytest.raises(type(error)), undecodable("its messages are not sound"):
+        raise error
     with pytest.raises(InputError, match=r"cannot be read as a file \(no end\)"), unreadable("a file"):
         raise OSError("no end")
+    for problem, met, said in (
+        ("", OSError("no\nend"), "no end"),
+        ("", KeyError(), "KeyError"),
+        ("broken", OSError("no end"), "broken"),
+    ):
+        with pytest.raises(ValueError, match=f"^{said}$"), undecodable(problem):
+            raise met

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..documents import JsonValue, no_file, parse_json
 from ..errors import InputError, MissingLibraryError
-from ..isolation import call_outside, lacks_memory
+from ..isolation import call_outside
 from .live_log import CDR, END, EVENTS, HEAD, TOPIC, LiveLog
 from .mcap_records import (
     ATTACHMENT,
@@ -45,7 +45,7 @@ from .messages import (
     ros_message,
     ros_units,
 )
-from .sidecar import KEY, Sidecar, loads
+from .sidecar import KEY, Sidecar, loads, undecodable
 from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording
 
 _SAMPLE_ID, _EVENT_ID = 1, 2  # as the live log numbers its topics; needed where the chunk that says so is damaged
@@ -342,22 +342,14 @@ def _decode(
             raise ValueError("a message is no JSON") from None
     elif topic.encoding == "cdr" and schema is not None and schema.encoding == "ros2msg":
         decode = ros_decoder(schema.name, schema.text, where=where)
-        try:
+        with undecodable(f"its messages are not what {schema.name} says"):
             objects = [decode(data) for data in payloads]
-        except Exception as error:
-            if lacks_memory(error):
-                raise
-            raise ValueError(f"its messages are not what {schema.name} says") from None
         units = ros_units(getattr(objects[0], "__msgtype__", schema.name), objects[0])
         decoded = [ros_message(one) for one in objects]
     elif topic.encoding == "protobuf" and schema is not None and schema.encoding == "protobuf" and schema.data:
         decode = protobuf_decoder(schema.name, schema.data, where=where)
-        try:
+        with undecodable(f"its messages are not what {schema.name} says"):
             decoded = [decode(data) for data in payloads]
-        except Exception as error:
-            if lacks_memory(error):
-                raise
-            raise ValueError(f"its messages are not what {schema.name} says") from None
     else:
         known = "known are json, cdr of ROS 2 and protobuf, each with its schema"
         raise ValueError(f"its messages are {topic.encoding or 'without a name'}; {known}")

@@ -17,7 +17,7 @@ from ..documents import JsonValue
 from ..errors import InputError
 from ..extras import library
 from ..isolation import lacks_memory
-from .sidecar import one_line, unreadable
+from .sidecar import one_line, undecodable, unreadable
 from .table import FileFormat, ForeignColumn, ForeignTable
 
 Number = float | bool
@@ -163,17 +163,13 @@ def ros_decoder(kind: str, text: str, *, where: str) -> Callable[[bytes], object
     typesys = library("rosbags.typesys", "Messages of ROS need", where=where)
     package, _, name = kind.replace("/msg/", "/").rpartition("/")
     full = f"{package}/msg/{name}"
-    try:
+    with undecodable():
         types = typesys.get_types_from_msg(text, full)
         store = typesys.get_typestore(typesys.Stores.EMPTY)
         store.register(types)
         store.get_msgdef(full)
         used = {kind for definition in types.values() for kind in re.findall(r"'(\w+/msg/\w+)'", repr(definition[1]))}
         missing = any(kind not in store.fielddefs for kind in used)
-    except Exception as error:
-        if lacks_memory(error):
-            raise
-        raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
     if missing:
         store = typesys.get_typestore(typesys.Stores.LATEST)
         store.register(types)
@@ -190,14 +186,10 @@ def protobuf_decoder(name: str, schema: bytes, *, where: str) -> Callable[[bytes
     from mcap.records import Schema
 
     module = library("mcap_protobuf.decoder", "Messages of protobuf need", where=where)
-    try:
+    with undecodable():
         decode = module.DecoderFactory().decoder_for(
             "protobuf", Schema(id=1, name=name, encoding="protobuf", data=schema)
         )
-    except Exception as error:
-        if lacks_memory(error):
-            raise
-        raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from None
 
     def message(data: bytes) -> LoggedMessage:
         numbers: dict[str, Number] = {}

@@ -153,6 +153,17 @@ def unreadable(kind: str, where: str | None = None) -> Iterator[None]:
         raise InputError("file", None, f"cannot be read as {kind} ({one_line(error)})", where=where) from None
 
 
+@contextmanager
+def undecodable(problem: str = "") -> Iterator[None]:
+    """Raise a `ValueError` of what a library met in a message, in its words or in those; no memory stays what it is."""
+    try:
+        yield
+    except Exception as error:
+        if lacks_memory(error):
+            raise
+        raise ValueError(problem or one_line(error) or type(error).__name__) from None
+
+
 def one_line(error: BaseException) -> str:
     """The message of an error in one line of at most 200 characters."""
     return " ".join(str(error).split())[:200]

@@ -386,7 +386,7 @@ def check_topology(nodes: Mapping[str, Reservoir | Chamber], branches: Mapping[s
 def _closed(name: str, branch: Branch, nodes: Mapping[str, Reservoir | Chamber]) -> tuple[str, ...]:
     wanted = branch.element.ports
     if len(branch.ports) != len(wanted):
-        raise InputError(name, ", ".join(branch.ports), "its ports are", known=wanted, where="circuit")
+        raise InputError(name, ", ".join(branch.ports), f"must have a node at {' and '.join(wanted)}", where="circuit")
     for port, end in zip(wanted, branch.ports, strict=True):
         if end not in nodes:
             raise InputError(
