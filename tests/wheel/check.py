@@ -414,7 +414,7 @@ def accepted(tools: Path, place: Path) -> list[str]:
     """What an index that receives the distributions would object to."""
     words = [tools, "-m", "twine", "check", "--strict", *sorted(place.iterdir())]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
-    print(done.stdout.strip(), flush=True)
+    print(f"twine check --strict: {done.stdout.count('PASSED')} of {len(words) - 5} pass", flush=True)
     return [f"an index would refuse them: {done.stdout[-600:]}{done.stderr[-300:]}"] if done.returncode else []
 
 
