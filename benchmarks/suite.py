@@ -107,7 +107,9 @@ def measured(parts: list[str], quick: bool, say: Any) -> dict[str, Any]:
         "scaling": lambda: measure_scaling.measure(quick, found.get("batches", {}).get("rows", [])),
         "gradients": lambda: measure_gradients.measure(quick),
         "startup": lambda: measure_startup.measure(quick),
-        "peers": lambda: measure_peers.measure(quick, found.get("single", {}).get("reference", "")),
+        "peers": lambda: measure_peers.measure(
+            quick, found.get("single", {}).get("reference") or str(measure_single.exact_path())
+        ),
         "work": lambda: measure_work.measure(quick),
     }
     for part in parts:
