@@ -139,7 +139,8 @@ def test_every_generated_page_of_the_reference_has_a_heading() -> None:
 ASKED = {
     "formats": r"\w\.(xlsx|parquet|tdms|mat|db3)\b", "posterior": r"--posterior\b|posterior=True",
     "report": r"^\$ mckibben (record report|reproduce|fit|compare)\b.*\.pdf\b", "sweep": r"^\$ mckibben sweep\b",
-    "serial": r"--on serial:", "daq": r"--on daq\b", "gym": r"mckibben_hosts\.gymnasium", "mujoco": r"(--for|conform) mujoco\b",
+    "serial": r"--on serial:", "daq": r"--on daq\b", "mujoco": r"(--for|conform) mujoco\b",
+    "gym": r"mckibben_hosts\.gymnasium",
 }  # fmt: skip
 INSTALLED = ("data", "web")  # by the line that every page takes for granted
 BROUGHT = {"bluesky": "bluesky", "mujoco": "warp"}  # libraries that those of another extra need, too
@@ -160,7 +161,7 @@ def test_a_page_names_what_its_visible_blocks_need_beyond_the_installation(page:
     libraries -= {library for library, extra in BROUGHT.items() if f"`{extra}`" in TEXT[page]}
     wanted |= {LIBRARIES[library][0] for library in libraries if library in LIBRARIES}
     assert {extra for extra in wanted - {*INSTALLED} if f"`{extra}`" not in TEXT[page]} == set()
-    own = set(re.findall(r'file=(\w+)\.py|Path\("(\w+)\.py"\)', TEXT[page]))
+    own = set(re.findall(r'file=(\w+)\.py|Path\("(\w+)\.py"\)|--out (\w+)', TEXT[page]))  # written by the page itself
     others = libraries - set(LIBRARIES) - {name for pair in own for name in pair}
     assert {name for name in others if not re.search(rf"pip install [^`\n]*\b{name}\b", TEXT[page])} == set()
 
