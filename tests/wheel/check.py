@@ -386,7 +386,9 @@ def installed(version: str, place: Path, compiler: Path, wheel: Path, above: lis
         wrong += example_runs(python, folder, place)
     tell_size(python, *above)
     print(f"Installed for {version}: {time.monotonic() - began:.0f} s", flush=True)
-    return [f"{version}: {line}" for line in wrong + called(python, place, brief=brief)]
+    wrong += called(python, place, brief=brief)
+    print(f"{len(wrong)} things are wrong with {version}", *wrong, sep="\n  ", flush=True)
+    return [f"{version}: {line}" for line in wrong]
 
 
 # ---- what is built
