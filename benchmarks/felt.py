@@ -1,4 +1,4 @@
-"""Felt speed: what a person waits for a command, from its call to the prompt, with warm caches.
+"""Felt speed: what a person waits for a command, from its call to the prompt, with warm caches but for the first script.
 
     python benchmarks/felt.py [--runs 7] [--before REVISION] [--busy 3] [--only WORD ..] [--json FILE]
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import shlex
 import statistics
 import subprocess
@@ -42,6 +43,7 @@ class Case(NamedTuple):
         words: arguments of Python.
         printed: whether the time is the last number that it prints, and not that of the process.
         prepare: arguments of Python that make what it reads, called once.
+        cold: whether nothing is kept of earlier calls, as just after the installation.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Case(NamedTuple):
     words: tuple[str, ...]
     printed: bool = False
     prepare: tuple[str, ...] = ()
+    cold: bool = False
 
 
 def command(words: str, target: float) -> Case:
@@ -69,7 +72,9 @@ def cases(folder: Path) -> list[Case]:
         f"joint nylon --command 'flexor=0, 0.3 @ 50 ms' --command extensor=-0.1 --duration 0.3s --out '{folder}/j.nc'"
     )
     sizing = "--force '50 N' --stroke '3 cm' --pressure '5 bar' --tank '2 l at 8 bar'"
+    first = re.search(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.M | re.S)
     return [
+        Case("the first script of README, nothing kept", 2.0, ("-c", first[1] if first else ""), cold=True),
         Case("import mckibben", 0.1, ("-c", "import mckibben")),
         Case("first law.tension in Python", 0.3, ("-c", f"{LAW}; law.tension(0.15, 5e5)")),
         Case("each later law.tension", 1e-3, ("-c", LATER), printed=True),
@@ -113,9 +118,11 @@ def call(case: Case, tree: Path) -> Spent:
     paths = [tree / "src", *tree.glob("packages/*/src")]
     settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
     settings.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its byte code
-    before, begin = os.times(), time.perf_counter()
-    done = subprocess.run([sys.executable, *case.words], capture_output=True, text=True, env=settings)
-    wall, after = time.perf_counter() - begin, os.times()
+    with tempfile.TemporaryDirectory() as empty:
+        settings |= {"XDG_CACHE_HOME": empty} if case.cold else {}
+        before, begin = os.times(), time.perf_counter()
+        done = subprocess.run([sys.executable, *case.words], capture_output=True, text=True, env=settings)
+        wall, after = time.perf_counter() - begin, os.times()
     if done.returncode:
         raise RuntimeError(f"{case.name}: {done.stderr.strip().splitlines()[-1:]}")
     if case.printed:

@@ -9,12 +9,12 @@ from typing import Any
 
 sys.path.append(str(Path(__file__).parent / "peers"))
 
-import environments  # noqa: E402
+import peer_programs  # noqa: E402
 import yardstick  # noqa: E402
 
 
 def measure(quick: bool, reference: str) -> dict[str, Any]:
-    """All that can be had; the others with the reason."""
+    """All that can be had; of the others a row with the error, and the error by name."""
     numbers = {
         **yardstick.NUMBERS,
         "conductance": yardstick.CONDUCTANCE,
@@ -27,11 +27,12 @@ def measure(quick: bool, reference: str) -> dict[str, Any]:
     rows: list[Any] = []
     left_out: dict[str, str] = {}
     extra: dict[str, Any] = {}
-    for name in environments.PEERS:
+    for name in peer_programs.PEERS:
         try:
-            found = environments.run(name, *arguments.get(name, [str(repeats)]))
-        except environments.LeftOutError as reason:
+            found = peer_programs.run(name, *arguments.get(name, [str(repeats)]))
+        except peer_programs.LeftOutError as reason:
             left_out[name] = str(reason)
+            rows.append({"group": "peers", "program": name, "case": "error", "setting": str(reason)})
             continue
         if name == "FONSim":
             extra["fonsim"] = found

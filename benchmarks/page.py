@@ -93,9 +93,11 @@ def text(result: dict[str, Any], drawn: list[str]) -> str:
             f"Cost of {engine} against batch size over {line['decades']:.1f} decades: exponent {line['exponent']:.3f}, "
             f"with a deviation of at most a factor {line['off']:.2f}."
         )
-    notes = [f"{name}: {why}" for name, why in result["left_out"].items()] + result["notes"]
-    if notes:
-        lines += ["", "## Not measured", "", *(f"- {note}" for note in notes)]
+    for title, notes in (
+        ("Errors", [f"{name}: {why}" for name, why in result["left_out"].items()]),
+        ("Not measured", result["notes"]),
+    ):
+        lines += ["", f"## {title}", "", *(f"- {note}" for note in notes)] if notes else []
     return "\n".join(lines).rstrip() + "\n"
 
 

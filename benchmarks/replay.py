@@ -215,23 +215,23 @@ def efficiency(points: mk.ForceMap) -> dict[str, float | str]:
     budget = VENT + 1.0 + quarter * (MOVE + READ)
     ours = choose(plain, budget=budget, wait=0.0)
     sys.path.insert(0, str(Path(__file__).parent / "peers"))
-    import environments
+    import peer_programs
 
     theirs: dict[str, float | str] = {}
     try:
-        design = environments.run("pydex", json.dumps({"slopes": slopes.tolist(), "count": quarter}))
+        design = peer_programs.run("pydex", json.dumps({"slopes": slopes.tolist(), "count": quarter}))
         weighed = slopes.T @ (np.array(design["weights"])[:, None] * slopes) / sum(design["weights"])
         theirs["pydex"] = of([i for i, count in enumerate(design["readings"]) for _ in range(count)])
         theirs["pydex, continuous"] = float(np.exp((np.linalg.slogdet(weighed)[1] - best) / width))
-    except environments.LeftOutError as reason:
+    except peer_programs.LeftOutError as reason:
         theirs["pydex"] = f"left out: {reason}"
     places = np.stack([points.length, points.pressure], axis=1)
     places = (places - places.min(axis=0)) / np.ptp(places, axis=0)
     try:
         given = {"slopes": slopes.tolist(), "places": places.tolist(), "points": SEARCHED}
-        found = np.array(environments.run("Pyomo.DoE", json.dumps(given))["design"])
+        found = np.array(peer_programs.run("Pyomo.DoE", json.dumps(given))["design"])
         theirs["Pyomo.DoE"] = of([int(((places - place) ** 2).sum(axis=1).argmin()) for place in found])
-    except environments.LeftOutError as reason:
+    except peer_programs.LeftOutError as reason:
         theirs["Pyomo.DoE"] = f"left out: {reason}"
     random = [of(nearest(points, latin_hypercube(quarter, 2, seed), [])) for seed in range(1, SEEDS + 1)]
     return {

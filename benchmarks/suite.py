@@ -2,9 +2,10 @@
 
     python benchmarks/suite.py [--quick] [--only PART ..] [--out FOLDER]
 
-Writes results.json, whose `ratios` are medians of the run, and a page results.md with its figures. Use an idle machine:
-one core is reserved for measurements on one core. `--quick` is a smoke test of two minutes without other programs; its
-numbers are not representative.
+Writes results.json, whose `ratios` are medians of the run, and a page results.md with its figures. A program or a part
+that cannot be measured is an error, which stands in the tables and in the exit code. Use an idle machine: one core is
+reserved for measurements on one core. `--quick` is a smoke test of two minutes without other programs; its numbers are not
+representative.
 """
 
 from __future__ import annotations
@@ -106,7 +107,9 @@ def measured(parts: list[str], quick: bool, say: Any) -> dict[str, Any]:
         "scaling": lambda: measure_scaling.measure(quick, found.get("batches", {}).get("rows", [])),
         "gradients": lambda: measure_gradients.measure(quick),
         "startup": lambda: measure_startup.measure(quick),
-        "peers": lambda: measure_peers.measure(quick, found.get("single", {}).get("reference", "")),
+        "peers": lambda: measure_peers.measure(
+            quick, found.get("single", {}).get("reference") or str(measure_single.exact_path())
+        ),
         "work": lambda: measure_work.measure(quick),
     }
     for part in parts:
@@ -114,7 +117,7 @@ def measured(parts: list[str], quick: bool, say: Any) -> dict[str, Any]:
         try:
             found[part] = calls[part]()
         except Exception as problem:  # one part that fails must not cost the hour of the others
-            found[part] = {"rows": [], "notes": [f"{part}: {type(problem).__name__}: {problem}"]}
+            found[part] = {"rows": [], "left_out": {f"part {part}": f"{type(problem).__name__}: {problem}"}}
         say(f"{part}: {time.perf_counter() - begin:.0f} s")
     return found
 
@@ -128,7 +131,7 @@ def ratios(found: dict[str, Any]) -> dict[str, float]:
 
     many = {"group": "batch", "lanes": 1024, "dtype": "float64"}
     own = pick("rate", case="muscle", engine="native", **many)
-    mujoco = [row["rate"] for row in rows if row.get("program", "").startswith("MuJoCo")]
+    mujoco = [row["rate"] for row in rows if row.get("program", "").startswith("MuJoCo ")]
     gradients, startup = found.get("gradients", {}).get("gradients", {}), found.get("startup", {}).get("startup", {})
     out = {
         "c_share_of_peak": pick("share", group="peak", case="muscle", dtype="float64"),
@@ -161,8 +164,8 @@ def ratios(found: dict[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in out.items() if value is not None}
 
 
-def main() -> None:
-    """Measure, write the results, and print which numbers miss their target."""
+def main() -> int:
+    """Measure, write the results, and print which numbers miss their target; the exit code is 1 if one is an error."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a smoke test of two minutes, without other programs")
     parser.add_argument("--only", nargs="+", choices=PARTS, help="parts to run")
@@ -177,7 +180,7 @@ def main() -> None:
         "wanted": {name: {"sign": w[0], "value": w[1], "meaning": w[2]} for name, w in WANTED.items()},
         "rows": [row for part in found.values() for row in part["rows"]],
         "linear": found.get("scaling", {}).get("linear", {}),
-        "left_out": found.get("peers", {}).get("left_out", {}),
+        "left_out": {name: why for part in found.values() for name, why in part.get("left_out", {}).items()},
         "notes": [note for part in found.values() for note in part.get("notes", [])],
     }  # fmt: skip
     given.out.mkdir(parents=True, exist_ok=True)
@@ -190,7 +193,10 @@ def main() -> None:
         fair = got is not None and (got >= value if sign == ">=" else got <= value)
         mark = "-" if got is None else "ok" if fair else "short"
         print(f"{mark:6}{name:26}{'-' if got is None else f'{got:.4g}':>10}  {sign} {value:g}: {meaning}")
+    for name, why in result["left_out"].items():
+        print(f"error: {name}: {why}")
+    return int(bool(result["left_out"]))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,15 +1,21 @@
-"""Run the examples of a page and insert their output below them.
+"""Run the examples of a page and insert their output below them, or run them as a reader does who sees the page only.
+
+    python docs/examples.py PAGE ..      every visible block as printed, by this Python with what is installed for it
 
 A ```python block runs in the namespace of its page, and its output follows as a block of text. In a ```console block every
-line that begins with ``$ mckibben`` runs, and its output follows. Options after the language control the output:
+line that begins with ``$ mckibben`` runs, and its output follows. A ```sh block runs as printed only, by a shell. Options
+after the language control the output:
 
     ```console exit=2          the command must end with this exit code; standard error is shown
     ```console lines=12        show at most this many lines of the output, then an ellipsis
     ```python quiet            run without showing the code or its output
     ```python needs=LIBRARY    run only where the library is installed, which `make docs` does not install; else without output
+    ```sh needs=board          never run: it needs what no library brings, such as a board, measured data or a second terminal
     ```python job              a script of a job, which runs in a process of its own and is timed (see jobs.py)
 
-Each page runs in an empty working directory; figures saved there become assets of the site.
+Each page runs in an empty working directory; figures saved there become assets of the site. As printed it runs in a folder
+with the entries of this copy, commands by a shell, without the blocks that a reader does not see, with warnings as they come
+by default. Of each page the number of blocks is printed, and what failed; commands of pip are what was done before.
 """
 
 from __future__ import annotations
@@ -21,6 +27,7 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import tempfile
 import traceback
@@ -28,7 +35,7 @@ from pathlib import Path
 
 import jobs
 
-FENCE = re.compile(r"^```(python|console)\b([^\n]*)\n(.*?)^```[ \t]*$", re.M | re.S)
+FENCE = re.compile(r"^```(python|console|sh)\b([^\n]*)\n(.*?)^```[ \t]*$", re.M | re.S)
 FIGURES = (".svg", ".png")
 
 
@@ -78,17 +85,25 @@ def _block(kind: str, words: list[str], body: str, space: dict[str, object], job
         if not job:
             job.append(jobs.Job(Path.cwd()))
         return _job_block(kind, body, job[0], options.get("file", ""), int(options.get("exit", "0")), most, where)
+    if kind == "sh":
+        return f"```sh\n{body}```"
     if kind == "console":
         return f"```console\n{_commands(body, int(options.get('exit', '0')), most, where)}```"
-    needs = next((w.partition("=")[2] for w in words if w.startswith("needs=")), "")
-    if needs and importlib.util.find_spec(needs) is None:
-        print(f"{where}: not run, for {needs} is not installed")
+    if _lacks(words, where):
         return f"```python\n{body}```"
     printed = _python(body, space, where)
     if "quiet" in words:
         return ""
     out = f"\n\n```text\n{_shortened(printed, most)}```" if printed.strip() else ""
     return f"```python\n{body}```{out}"
+
+
+def _lacks(words: list[str], where: str) -> bool:
+    """Whether a block needs what is not there; says so."""
+    needs = next((w.partition("=")[2] for w in words if w.startswith("needs=")), "")
+    if lacks := bool(needs) and importlib.util.find_spec(needs) is None:
+        print(f"{where}: not run, for {needs} is not installed")
+    return lacks
 
 
 def _job_block(kind: str, body: str, job: jobs.Job, file: str, code: int, most: int, where: str) -> str:
@@ -171,3 +186,71 @@ def _shortened(text: str, most: int) -> str:
     if most and len(lines) > most:
         lines = [*lines[:most], "..."]
     return "\n".join(lines) + "\n"
+
+
+# ---- as printed
+
+
+def run_as_printed(text: str, name: str) -> tuple[int, list[str]]:
+    """Run the visible blocks of a page in the present folder; return their number, and what failed."""
+    space: dict[str, object] = {"__name__": "__main__"}
+    ran, failed = 0, []
+    for m in FENCE.finditer(text):
+        kind, words, body = m[1], m[2].split(), m[3]
+        where = f"{name}, line {text[: m.start()].count(chr(10)) + 1}"
+        options = dict(w.split("=") for w in words if "=" in w)
+        if "quiet" in words or _lacks(words, where) or (kind == "sh" and "-m pip install" in body):
+            continue
+        ran += 1
+        try:
+            if "file" in options:
+                Path(options["file"]).write_text(body, encoding="utf-8")
+            elif kind == "python" and "job" not in words:
+                _python(body, space, where)
+            elif kind == "python":
+                _in_shell(f"{shlex.quote(sys.executable)} - <<'END'\n{body}END\n", 0, where)
+            elif kind == "sh":
+                _in_shell("set -e\n" + re.sub(r"(?m)^\$ ", "", body), int(options.get("exit", "0")), where)
+            else:
+                for command in re.findall(r"(?m)^\$ (.*(?:(?<=\\)\n.*)*)", body):
+                    _in_shell(command, int(options.get("exit", "0")), where)
+        except (ExampleError, SystemExit) as error:
+            failed.append(str(error))
+    return ran, failed
+
+
+def _in_shell(command: str, code: int, where: str) -> None:
+    """Run a command by a shell that finds the programs of this Python first, and see that it ends with an exit code."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    try:
+        done = subprocess.run(
+            ["bash", "-c", command], env={**os.environ, "PATH": path}, stdin=subprocess.DEVNULL,
+            capture_output=True, text=True, timeout=jobs.TIMEOUT, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise ExampleError(f"{where}: `{command.strip()}` did not end within {jobs.TIMEOUT:.0f} s") from None
+    if done.returncode != code:
+        said = (done.stderr or done.stdout).strip()[-600:]
+        raise ExampleError(f"{where}: `{command.strip()}` ended with {done.returncode} instead of {code}:\n{said}")
+
+
+def main(pages: list[str]) -> int:
+    """Run pages as printed, each in a process and a folder of its own; the exit code is 1 if anything failed."""
+    root = Path(__file__).resolve().parents[1]
+    if len(pages) > 1:
+        return max(subprocess.run([sys.executable, __file__, page], check=False).returncode for page in pages)
+    text, name = Path(pages[0]).read_text(encoding="utf-8"), pages[0]
+    sys.path[0] = ""  # as for a script of the reader's in that folder, and not the scripts beside this one
+    with tempfile.TemporaryDirectory() as folder:
+        for entry in root.iterdir():
+            if entry.name not in ("build", "dist", "out", "site") and not entry.name.startswith("."):
+                Path(folder, entry.name).symlink_to(entry)
+        os.chdir(folder)
+        ran, failed = run_as_printed(text, name)
+        os.chdir(root)
+    print(f"{name}: {ran} blocks, {len(failed)} failed", *failed, sep="\n  ", flush=True)
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

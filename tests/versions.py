@@ -4,8 +4,8 @@
 
 For each Python that is named (python3.11, python3.12 and python3.13 by default; those that are missing are said), and for
 each end of the ranges of numpy, scipy and JAX in `pyproject.toml`, an environment is made, the packages of this copy are
-installed, and a quick part of the suite runs there. Prints rows of the table in README.md; the exit code is 1
-if a test failed. Environments are kept in the folder, if one is named, and used again.
+installed, and a quick part of the suite runs there. Prints rows of the table in `docs/reference/versions.md`; the exit
+code is 1 if a test failed. Environments are kept in the folder, if one is named, and used again.
 """
 
 from __future__ import annotations

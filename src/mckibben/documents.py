@@ -14,7 +14,7 @@ import re
 import secrets
 import stat
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -324,6 +324,28 @@ class ErrorKeepingFile(io.RawIOBase):
         self._file.close()
         if self.error is not None:
             raise self.error
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[bool]:
+    """Lock a file against other processes and threads, and say whether that worked; nobody waits.
+
+    The system frees the lock of a process that dies. The file stays, since another process may be about to lock it.
+    """
+    with open(path, "a+b") as file:
+        held = True
+        try:
+            if os.name == "nt":  # pragma: no cover
+                import msvcrt
+
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+            else:
+                import fcntl
+
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            held = False
+        yield held
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, field: str = "file") -> Path:

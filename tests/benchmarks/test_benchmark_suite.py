@@ -161,3 +161,28 @@ def test_the_page_says_what_was_measured_and_what_was_not(suite, tmp_path):
     assert "not measured" in text
     assert "OpenSim: could not install" in text
     assert (tmp_path / "batches.svg").stat().st_size > 1000
+
+
+def test_no_two_scripts_of_the_benchmarks_have_one_name():
+    """Both folders are searched for modules: of two of one name, the other one was imported, and no peer was measured."""
+    stems = [p.stem for folder in ("", "peers", "kernels") for p in (ROOT / "benchmarks" / folder).glob("*.py")]
+    assert sorted(stems) == sorted(set(stems))
+
+
+def test_a_peer_that_cannot_be_measured_is_an_error(suite, tmp_path, monkeypatch, capsys):
+    script, peers = suite("suite"), suite("measure_peers")
+    programs = suite("peer_programs")
+
+    def fails(name, *_):
+        raise programs.LeftOutError(f"could not install {name}: no such distribution")
+
+    monkeypatch.setattr(programs, "run", fails)
+    found = peers.measure(True, "")
+    assert {row["program"]: row["case"] for row in found["rows"]} == dict.fromkeys(programs.PEERS, "error")
+    monkeypatch.setattr(sys, "argv", ["suite.py", "--only", "peers", "--out", str(tmp_path)])
+    monkeypatch.setattr(script, "pin", lambda: None)
+    assert script.main() == 1
+    said, text = capsys.readouterr().out, (tmp_path / "results.md").read_text()
+    for name in programs.PEERS:
+        assert f"error: {name}: could not install {name}" in said
+        assert re.search(rf"\| {name} \| error \| could not install {name}", text)

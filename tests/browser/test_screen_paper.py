@@ -135,16 +135,19 @@ def test_a_recording_whose_maker_was_stopped_is_made_again(tmp_path):
         made.append(1)
         return Recording(np.arange(3.0), {"pressure": Channel(np.arange(3.0), "Pa", "measured")}, {})
 
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
-    kept = RecordingCache(tmp_path, lambda words: None)
+    hold = "import sys, time; from mckibben.documents import locked\n"
+    hold += "with locked(sys.argv[1]) as held: print(held, flush=True); time.sleep(99)"
+    waited = []
+    kept = RecordingCache(tmp_path, waited.append)
     kept.one("a", make)
     (file,) = tmp_path.glob("*.nc")
-    assert not list(tmp_path.glob("*.claim"))
-    file.with_suffix(".claim").write_text(str(gone.pid))
     file.unlink()
+    maker = subprocess.Popen([sys.executable, "-c", hold, file.with_suffix(".lock")], stdout=subprocess.PIPE, text=True)
+    assert maker.stdout.readline() == "True\n"
+    threading.Timer(0.2, maker.kill).start()
     found = [kept.one("a", make) for _ in range(2)]
-    assert len(made) == 2
+    maker.communicate()
+    assert waited and len(made) == 2
     assert all(np.array_equal(r["pressure"], np.arange(3.0)) for r in found)
 
 

@@ -4,6 +4,8 @@ import importlib.util
 import json
 import pkgutil
 import re
+import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +16,7 @@ import typer
 import mckibben
 from mckibben.citations import known_keys
 from mckibben.cli.app import app
+from mckibben.extras import LIBRARIES
 from mckibben.muscles import LAWS
 from mckibben.muscles.hysteresis import HYSTERESES
 
@@ -130,6 +133,37 @@ def test_every_generated_page_of_the_reference_has_a_heading() -> None:
     links, build = script("links"), generated()
     assert set(links.GENERATED) < anchors(DOCS / "reference/index.md", links.github_anchor)
     assert set(links.GENERATED.values()) == {n for n in build.PAGES if "/api/" not in n} | {"reference/api/mckibben.md"}
+
+
+# What a block asks for without an import: of which extra, by a pattern.
+ASKED = {
+    "formats": r"\w\.(xlsx|parquet|tdms|mat|db3)\b", "posterior": r"--posterior\b|posterior=True",
+    "report": r"^\$ mckibben (record report|reproduce|fit|compare)\b.*\.pdf\b", "sweep": r"^\$ mckibben sweep\b",
+    "serial": r"--on serial:", "daq": r"--on daq\b", "mujoco": r"(--for|conform) mujoco\b",
+    "gym": r"mckibben_hosts\.gymnasium",
+}  # fmt: skip
+INSTALLED = ("data", "web")  # by the line that every page takes for granted
+BROUGHT = {"bluesky": "bluesky", "mujoco": "warp"}  # libraries that those of another extra need, too
+
+
+@pytest.mark.parametrize("page", [p for p in WRITTEN if "```" in TEXT[p] and "decisions" not in p.parts], ids=name_of)
+def test_a_page_names_what_its_visible_blocks_need_beyond_the_installation(page: Path) -> None:
+    """Extras by their names, other libraries by a command of pip: else a reader finds out by a traceback."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    basic = {re.split(r"[<>=]", r)[0].lower().replace("-", "_") for r in project["dependencies"]} | {"IPython"}
+    blocks = re.findall(r"^```(python|console|sh)\b((?!.*\bquiet\b)[^\n]*)\n(.*?)^```", TEXT[page], flags=re.M | re.S)
+    wanted, libraries = set(), set()
+    for kind, _, body in blocks:
+        wanted |= {extra for extra, pattern in ASKED.items() if re.search(pattern, body, flags=re.M)}
+        if kind == "python":
+            libraries |= {m for m in re.findall(r"^(?:import|from) (\w+)", body, flags=re.M)}
+    libraries -= {*sys.stdlib_module_names, *basic, *(p.name for p in ROOT.glob("packages/*/src/*")), "mckibben"}
+    libraries -= {library for library, extra in BROUGHT.items() if f"`{extra}`" in TEXT[page]}
+    wanted |= {LIBRARIES[library][0] for library in libraries if library in LIBRARIES}
+    assert {extra for extra in wanted - {*INSTALLED} if f"`{extra}`" not in TEXT[page]} == set()
+    own = set(re.findall(r'file=(\w+)\.py|Path\("(\w+)\.py"\)|--out (\w+)', TEXT[page]))  # written by the page itself
+    others = libraries - set(LIBRARIES) - {name for pair in own for name in pair}
+    assert {name for name in others if not re.search(rf"pip install [^`\n]*\b{name}\b", TEXT[page])} == set()
 
 
 def test_every_job_has_a_page_that_runs_it_and_a_row_in_the_list() -> None:

@@ -1,5 +1,6 @@
 """Examples run as they are written, and the README shows what its commands print."""
 
+import importlib
 import re
 import runpy
 import shlex
@@ -110,3 +111,45 @@ def words_of(line: str) -> list[str]:
 
 def numbers(line: str) -> list[float]:
     return [float(n) for n in NUMBER.findall(line)]
+
+
+PAGE = """
+```python quiet
+hidden = 1
+```
+```python
+print(hidden)
+```
+```console exit=2
+$ test a = b || exit 2
+$ true \\
+  and more
+```
+```sh
+$ false
+true
+```
+```sh needs=board
+exit 1
+```
+```python file=my.py
+WORD = "from a file"
+```
+```python
+from my import WORD
+```
+"""
+
+
+def test_a_page_as_printed_runs_all_that_a_reader_sees_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A block that builds on a hidden one fails, and so does a command that ends otherwise than the page says."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    ran, (unknown, ended, first) = importlib.import_module("examples").run_as_printed(PAGE, "a page")
+    assert ran == 5  # without the hidden one and the one that needs a board
+    assert "NameError: name 'hidden' is not defined" in unknown and unknown.startswith("a page, line 5")
+    assert "`true" in ended and "and more` ended with 0 instead of 2" in ended
+    assert "ended with 1 instead of 0" in first and first.startswith("a page, line 13")

@@ -34,9 +34,28 @@ def lines(name: str) -> list[str]:
     return (ROOT / name).read_text(encoding="utf-8").splitlines()
 
 
-def test_the_version_is_the_same_in_package_citation_and_changelog() -> None:
+def test_the_version_is_the_same_in_all_packages_citation_and_changelog() -> None:
+    assert {package.__version__ for package in (lanewise, *(one for one, _ in ABOVE.values()))} == {
+        mckibben.__version__
+    }
     assert f"version: {mckibben.__version__}" in lines("CITATION.cff")
     assert re.search(rf"^## {re.escape(mckibben.__version__)}\b", "\n".join(lines("CHANGELOG.md")), flags=re.M)
+
+
+def test_distributions_of_one_release_ask_for_each_other_and_for_no_other_release() -> None:
+    """They share private modules: a minor version that is newer or older may have renamed them; a repair may not."""
+    projects = [PROJECT, COMPILER, *(project for _, project in ABOVE.values())]
+    asked = [
+        r for p in projects for part in (p["dependencies"], *p.get("optional-dependencies", {}).values()) for r in part
+    ]
+    within = [re.split(r"(?=[<>=])", r, maxsplit=1)[1] for r in asked if re.match(r"(mckibben|lanewise)\b", r)]
+    major, minor, _ = map(int, mckibben.__version__.split("."))
+    newer = (f"{major}.{minor + 1}.0", f"{major + 1}.0.0", f"{major}.{minor}.0rc1")
+    assert [mckibben.__version__ in SpecifierSet(one) for one in within] == [True] * len(within)
+    assert not [one for one in within for other in newer if other in SpecifierSet(one)]
+    assert (
+        len(within) == 5 + len(PACKAGES) + sum(len(p.get("optional-dependencies", ())) for _, p in ABOVE.values()) + 1
+    )
 
 
 def test_the_package_says_that_it_is_typed() -> None:

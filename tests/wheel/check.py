@@ -1,17 +1,23 @@
 """What a person gets who installs the wheels and nothing else: `make wheel`.
 
-Wheels and source archives of mckibben, of its compiler and of the packages above it are built. The compiler is installed
-alone into an empty environment, where the example of its README runs; then mckibben without extras, whose commands that come
-with another package say which; then these packages, each with the example of its README, and every command is called there.
-It works; or it says in one sentence, before it computes anything, which extra or which file it needs, and ends with exit
-code 2. A command that is not in `CALLS` is an error, so that a new one cannot be forgotten.
+    python tests/wheel/check.py [PYTHON ..] [--brief] [--keep FOLDER]
 
-Run by a Python that has hatchling; needs nothing else of the package.
+Source archives of mckibben, of its compiler and of the packages above it are built, wheels from these archives, and what
+they say of themselves is checked as a package index does. For each Python (this one by default) the compiler is installed
+alone into an empty environment, where the example of its README runs; then mckibben without extras, whose commands that
+come with another package say which; then these packages, each with the example of its README, and every command is called
+there, or one of each distribution with `--brief`. It works; or it says in one sentence, before it computes anything, which
+extra or which file it needs, and ends with exit code 2. A command that is not in `CALLS` is an error, so that a new one
+cannot be forgotten. The size of each installation is printed, and what needs most of it.
+
+Needs nothing of the package: the tools that build and check are installed into an environment of their own.
 """
 
+import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -30,6 +36,9 @@ CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
 KEPT_ABOVE = ("README.md", "LICENSE", "NOTICE", "firmware/README.md", "firmware/bench.c")  # of those that have them
+TOOLS = ("build", "hatchling>=1.27", "twine")
+# With `--brief`, one command of each distribution, and one that needs none of those above.
+BRIEF = ("tension", "calibrate zero", "export", "benchmark", "reproduce")
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
 LONGEST = 300.0  # after which a command is ended [s]
@@ -315,6 +324,13 @@ CALLS: dict[str, list[Call]] = {
     "study loops": [Call(("nothing",), says=("nothing: no pressure_stroke_loop.csv",))],
     "study validation": [Call(("--only", "DMSP-10-250", "--law", "ideal", "--out", "page.md"), ["page.md"])],
 }  # fmt: skip
+# Sizes [MB] of all distributions of an environment, as pip has written them down and as Python has compiled them.
+SIZES = """
+import json
+from importlib import metadata
+size = lambda f: f.locate().stat().st_size if f.locate().is_file() else 0
+print(json.dumps({d.name: sum(map(size, d.files or ())) / 1e6 for d in metadata.distributions()}))
+"""
 LIST = """
 import json, typer
 from mckibben.cli.app import app
@@ -327,67 +343,81 @@ print(json.dumps(names(typer.main.get_command(app))))
 
 def main() -> int:
     """Build, install, call; the exit code is 1 if anything is wrong."""
-    began = time.monotonic()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pythons", nargs="*", default=[sys.executable], help="Pythons to install for")
+    parser.add_argument("--brief", action="store_true", help="call one command of each distribution, not every command")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="copy wheels and source archives to this folder")
+    chosen, began = parser.parse_args(), time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mckibben-wheel-") as name:
         place = Path(name)
-        compiler, wrong = built(COMPILER, "lanewise", ("README.md", "LICENSE"), place / "compiler")
-        wheel, more = built(ROOT, "mckibben", KEPT, place / "mckibben")
-        wrong += more
-        above = []
+        tools = environment(place / "tools", sys.executable)
+        subprocess.run([tools, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *TOOLS], check=True)
+        compiler, wrong = built(tools, COMPILER, "lanewise", ("README.md", "LICENSE"), place / "built")
+        wheel, more = built(tools, ROOT, "mckibben", KEPT, place / "built")
+        wrong, above = wrong + more, []
         for folder in ABOVE:
             kept = [name for name in KEPT_ABOVE if (folder / name).is_file()]
-            one, more = built(folder, folder.name.replace("-", "_"), kept, place / folder.name)
+            one, more = built(tools, folder, folder.name.replace("-", "_"), kept, place / "built")
             above.append(one)
             wrong += more
-        python = environment(place / "venv")
-        install(python, compiler)
-        wrong += example_runs(python, COMPILER, place, without="mckibben")
-        install(python, compiler, wheel)
-        wrong += packaged_commands(python, place)
-        for one, folder in zip(above, ABOVE, strict=True):
-            install(python, compiler, wheel, one)
-            wrong += example_runs(python, folder, place)
-        names = ", ".join(one.name for one in (compiler, wheel, *above))
-        print(f"Built and installed {names}: {time.monotonic() - began:.0f} s", flush=True)
-        wrong += called(python, place)
+        wrong += accepted(tools, place / "built")
+        if chosen.keep:
+            shutil.copytree(place / "built", chosen.keep, dirs_exist_ok=True)
+        for number, version in enumerate(chosen.pythons):
+            wrong += installed(version, place / str(number), compiler, wheel, above, brief=chosen.brief)
     for line in wrong:
         print(f"wrong: {line}")
     print(f"{len(wrong)} things are wrong" if wrong else f"All right, after {time.monotonic() - began:.0f} s")
     return 1 if wrong else 0
 
 
+def installed(version: str, place: Path, compiler: Path, wheel: Path, above: list[Path], *, brief: bool) -> list[str]:
+    """Install the wheels for a Python, one after the other, and call what they bring; returns what is wrong."""
+    began = time.monotonic()
+    python = environment(place / "venv", version)
+    install(python, compiler)
+    wrong = example_runs(python, COMPILER, place, without="mckibben")
+    tell_size(python, compiler)
+    install(python, compiler, wheel)
+    wrong += packaged_commands(python, place)
+    tell_size(python, wheel)
+    for one, folder in zip(above, ABOVE, strict=True):
+        install(python, compiler, wheel, one)
+        wrong += example_runs(python, folder, place)
+    tell_size(python, *above)
+    print(f"Installed for {version}: {time.monotonic() - began:.0f} s", flush=True)
+    wrong += called(python, place, brief=brief)
+    print(f"{len(wrong)} things are wrong with {version}", *wrong, sep="\n  ", flush=True)
+    return [f"{version}: {line}" for line in wrong]
+
+
 # ---- what is built
 
 
-def built(root: Path, package: str, kept: Sequence[str], place: Path) -> tuple[Path, list[str]]:
+def built(tools: Path, root: Path, package: str, kept: Sequence[str], place: Path) -> tuple[Path, list[str]]:
     """The wheel of a package, made of the source archive, and what is wrong with either."""
-    hatch(root, place, "sdist", "wheel")
-    (wheel,), (archive,) = place.glob("*.whl"), place.glob("*.tar.gz")
-    with tarfile.open(archive) as tar:
-        tar.extractall(place / "source", filter="data")
-    (source,) = (place / "source").iterdir()
-    hatch(source, place / "again", "wheel")
-    (again,) = (place / "again").iterdir()
-    wrong = [
-        f"{what} is in the wheel of the tree or of the source archive only" for what in names(wheel) ^ names(again)
-    ]
-    shipped = {str(p.relative_to(root / "src")) for p in (root / "src" / package).rglob("*") if p.is_file()}
-    shipped = {p for p in shipped if "__pycache__" not in p}
-    wrong += [f"{p} is not in the wheel" for p in sorted(shipped - names(wheel))]
-    if f"{package}/py.typed" not in names(wheel):
+    command = [tools, "-m", "build", "--no-isolation", "--outdir", place, root]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        sys.exit(f"{root} cannot be built:\n{done.stdout}{done.stderr}")
+    (wheel,), (archive,) = place.glob(f"{package}-*.whl"), place.glob(f"{package}-*.tar.gz")
+    shipped = {p.relative_to(root / "src").as_posix() for p in (root / "src" / package).rglob("*") if p.is_file()}
+    packed = names(wheel)
+    wrong = [f"{p} is not in the wheel" for p in sorted(shipped - packed) if "__pycache__" not in p]
+    wrong += [f"{p} is in the wheel and not in {root}" for p in sorted(packed - shipped) if ".dist-info/" not in p]
+    if f"{package}/py.typed" not in packed:
         wrong.append(f"py.typed is not in the wheel of {package}, so that its types count for nobody")
     with tarfile.open(archive) as tar:
         inside = {m.name.split("/", 1)[-1] for m in tar.getmembers()}
     return wheel, wrong + [f"{p} is not in the source archive of {package}" for p in kept if p not in inside]
 
 
-def hatch(source: Path, place: Path, *targets: str) -> None:
-    """Build targets of a source folder into another folder."""
-    words = [word for target in targets for word in ("-t", target)]
-    command = [sys.executable, "-m", "hatchling", "build", *words, "-d", str(place)]
-    done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
-    if done.returncode:
-        sys.exit(f"{source} cannot be built:\n{done.stdout}{done.stderr}")
+def accepted(tools: Path, place: Path) -> list[str]:
+    """What an index that receives the distributions would object to."""
+    words = [tools, "-m", "twine", "check", "--strict", *sorted(place.iterdir())]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    print(f"twine check --strict: {done.stdout.count('PASSED')} of {len(words) - 5} pass", flush=True)
+    return [f"an index would refuse them: {done.stdout[-600:]}{done.stderr[-300:]}"] if done.returncode else []
 
 
 def names(wheel: Path) -> set[str]:
@@ -396,9 +426,9 @@ def names(wheel: Path) -> set[str]:
         return {n for n in packed.namelist() if not n.endswith("RECORD")}
 
 
-def environment(place: Path) -> Path:
-    """The Python of a new environment."""
-    subprocess.run([sys.executable, "-m", "venv", str(place)], check=True)
+def environment(place: Path, version: str) -> Path:
+    """The Python of a new environment, made by another Python."""
+    subprocess.run([version, "-m", "venv", str(place)], check=True)
     return place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
@@ -407,6 +437,15 @@ def install(python: Path, *wheels: Path) -> None:
     pins = ROOT / "requirements" / "run.txt"
     words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", str(pins), *map(str, wheels)]
     subprocess.run([str(python), *words], check=True)
+
+
+def tell_size(python: Path, *wheels: Path) -> None:
+    """Print the size of an environment after wheels were installed, less its tools, and what needs most of it."""
+    sizes = json.loads(subprocess.run([python, "-P", "-c", SIZES], check=True, capture_output=True).stdout)
+    sizes = {name: size for name, size in sizes.items() if name not in ("pip", "setuptools")}
+    most = sorted(sizes, key=sizes.__getitem__)[:-9:-1]
+    print(f"{sum(sizes.values()):.0f} MB with {', '.join(w.name for w in wheels)}; of these " + ", ".join(
+        f"{name} {sizes[name]:.0f}" for name in most), flush=True)  # fmt: skip
 
 
 def example_runs(python: Path, package: Path, place: Path, without: str = "") -> list[str]:
@@ -446,15 +485,18 @@ def packaged_commands(python: Path, place: Path) -> list[str]:
     return wrong
 
 
-def called(python: Path, place: Path) -> list[str]:
-    """Call every command; returns what is wrong."""
+def called(python: Path, place: Path, *, brief: bool = False) -> list[str]:
+    """Call every command, or one of each distribution; returns what is wrong."""
     room, env = place / "room", surroundings(place)
     furnish(room)
     known = json.loads(subprocess.run([python, "-c", LIST], cwd=room, env=env, check=True, capture_output=True).stdout)
     wrong = [f"{name}: no command of that name" for name in CALLS if name not in known]
     wrong += [f"{name}: it is not called here; add it to CALLS" for name in known if name not in CALLS]
     every = [
-        (name, call) for name in sorted(CALLS, key=lambda n: n not in LONG) if name in known for call in CALLS[name]
+        (name, call)
+        for name in (BRIEF if brief else sorted(CALLS, key=lambda n: n not in LONG))
+        if name in known
+        for call in CALLS[name][: 1 if brief else None]
     ]
 
     def one(job: tuple[str, Call]) -> list[str]:

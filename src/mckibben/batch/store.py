@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from ..documents import locked
 from ..errors import InputError
 from ..extras import library
 from .outputs import TIME, VariantOutcome
@@ -106,7 +107,9 @@ def opened(folder: str | os.PathLike[str], sweep: Sweep, block: int) -> Iterator
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError("out", str(place), f"the folder cannot be made ({error.strerror})") from None
-    with _alone(place):
+    with locked(place / LOCK) as alone:
+        if not alone:
+            raise InputError("out", str(place), "another sweep is writing to it; wait for its end")
         path = place / NAME
         if (path / "zarr.json").exists():
             yield _known(place, sweep)
@@ -246,22 +249,3 @@ def _full(store: ResultStore | None, folder: Path | None = None) -> Iterator[Non
             done = int((store.codes() != VariantOutcome.NOT_RUN).sum())
             safe = f"{done} of {store.count} variants are safe; make room and run the same command again"
         raise InputError("out", str(place), f"the disk is full ({error.strerror}); {safe}") from None
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Lock a folder against other writers; the system frees the lock if this process dies."""
-    path = folder / LOCK
-    with open(path, "a+b") as file:
-        try:
-            if os.name == "nt":  # pragma: no cover
-                import msvcrt
-
-                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-            else:
-                import fcntl
-
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError("out", str(folder), "another sweep is writing to it; wait for its end") from None
-        yield

@@ -21,6 +21,7 @@ from urllib.parse import quote
 import numpy as np
 
 from ..citations import doi, known_keys, reference
+from ..documents import write_text
 from ..errors import InputError
 from ..isolation import check_unpacked
 from .sidecar import unreadable
@@ -39,10 +40,10 @@ def write_crate(recording: Samples, path: Path) -> list[str]:
         folder = Path(place)
         remarks = [*write_netcdf(recording, folder / "recording.nc"), *write_csv(recording, folder / "recording.csv")]
         text = json.dumps(_plain(recording.meta), indent=1, ensure_ascii=False)
-        (folder / "metadata.json").write_text(text, encoding="utf-8")
+        write_text(folder / "metadata.json", text)
         graph = _graph(recording, {name: (folder / name).read_bytes() for name in FILES})
         described = json.dumps({"@context": CONTEXT, "@graph": graph}, indent=1, ensure_ascii=False)
-        (folder / "ro-crate-metadata.json").write_text(described, encoding="utf-8")
+        write_text(folder / "ro-crate-metadata.json", described)
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
             for name in ("ro-crate-metadata.json", *FILES):
                 # a date that is always the same: equal recordings are equal files

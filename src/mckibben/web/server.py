@@ -323,6 +323,6 @@ def leading_to(address: str, folder: Path) -> str:
     not among them, they name a file that nobody else may read.
     """
     place = folder / "mckibben.html"
-    with open(place, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+    with open(place, "w", encoding="utf-8", newline="\n", opener=lambda n, flags: os.open(n, flags, 0o600)) as file:
         file.write(f'<!doctype html><meta http-equiv="refresh" content="0;url={html.escape(address)}">')
     return place.as_uri()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ._gpu import to_gpu, to_ptx
     from ._program import Leaf, Program
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 __all__ = [
     "ArgumentError", "CFunction", "CLibrary", "CacheWarning", "CompiledFunction", "Derivatives", "DriverError",
     "LanewiseError", "Leaf", "LoweringError", "Program", "UnavailableError", "adjoint", "compile", "differentiable",

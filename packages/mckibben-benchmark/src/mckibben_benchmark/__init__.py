@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .tasks import BenchmarkTask as BenchmarkTask
     from .tasks import task as task
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 join(__name__)
 lazy_submodules(__name__)

@@ -36,7 +36,7 @@ Models of muscles on measured tasks: each is trained on a part of the data and p
 left out follows from the data alone, and hashes tell whether the data are those for which the splits were made. One
 command makes this page anew:
 
-```sh
+```sh needs=measured_data
 $ export {VARIABLE}=/folder/of/measured/data
 $ mckibben benchmark --all --out docs/reference/benchmark.md --out docs/reference/benchmark.json
 ```

@@ -31,7 +31,7 @@ Every tension law against every static data set that was at hand, and the studie
 them: how well a law meets what it was fitted to, and how well it predicts what it was not shown. One command makes
 this page and its figure anew:
 
-```sh
+```sh needs=measured_data
 $ {VARIABLE}=/folder/of/measured/data mckibben study validation --out docs/reference/validation.md
 ```
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .daq import DaqHardware as DaqHardware
     from .serial_line import SerialHardware as SerialHardware
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 __all__ = ["CalibrationSession", "DaqHardware", "SerialHardware", "bench_devices", "check_machine"]
 
 join(__name__)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .part import part_of as part_of
     from .targets import export as export
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 __all__ = ["MuscleCallbacks", "Part", "act_size", "conform", "export", "part_of"]
 
 join(__name__)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .rows import PrintedRow as PrintedRow
     from .rows import RowOutcome as RowOutcome
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 join(__name__)
 lazy_submodules(__name__)

@@ -25,6 +25,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from mckibben.documents import locked
 from mckibben.errors import InputError, MckibbenError
 from mckibben.recordings import Recording, read_recording
 from mckibben.report.document_pdf import compiler
@@ -237,9 +238,6 @@ class WorkerProcess:
         self._process = self._line = None
 
 
-YOUNG = 5.0  # age of a claim without a name in it that may still be written [s]
-
-
 class RecordingCache(Folder):
     """Recordings by key; concurrent requests for a key share one computation."""
 
@@ -250,41 +248,17 @@ class RecordingCache(Folder):
     def one(self, key: str, make: Callable[[], Recording]) -> Recording:
         """Return the recording of a key, from the cache or computed now."""
         name = hashlib.sha256(key.encode()).hexdigest()[:24]
-        file, claim = self.place / f"{name}.nc", self.place / f"{name}.claim"
+        file = self.place / f"{name}.nc"
         while not file.exists():
-            if not self._mine(claim):
+            with locked(file.with_suffix(".lock")) as mine:
+                if mine and not file.exists():  # else another process made it since the look above
+                    recording = make()
+                    recording.save(file)
+                    return recording
+            if not mine:
                 self.tell("waiting for the recording from which the rows are computed")
                 time.sleep(PAUSE)
-                continue
-            try:
-                recording = make()
-                recording.save(file)
-                return recording
-            finally:
-                claim.unlink(missing_ok=True)
         return read_recording(file)
-
-    def _mine(self, claim: Path) -> bool:
-        """Claim a recording for this process; false where another one has it."""
-        try:
-            line = os.open(claim, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
-        except FileExistsError:
-            left = False  # by a process that has ended
-            try:
-                owner = claim.read_text()
-                left = not owner and time.time() - claim.stat().st_mtime > YOUNG
-                if owner:
-                    os.kill(int(owner), 0)
-            except ProcessLookupError:
-                left = True
-            except (FileNotFoundError, PermissionError):
-                pass
-            if left:
-                claim.unlink(missing_ok=True)
-            return False
-        os.write(line, str(os.getpid()).encode())
-        os.close(line)
-        return True
 
 
 HEAVY = 25.0  # a row of recordings takes about so many times as long as another
