@@ -307,3 +307,18 @@ def test_before_it_begins_a_waveform_has_its_first_value_and_a_sequence_ends_wit
     parts = [{"kind": "constant", "value": f"{k} bar", "lasts": f"{k} s"} for k in (1, 2, 3)]
     sequence = made("sequence", parts=parts)
     assert sequence.at(np.array([0.0, 0.99, 1.0, 2.99, 3.0, 5.9, 20.0])).tolist() == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5, 3e5]
+
+
+def test_each_part_of_a_sequence_has_its_own_time_from_its_beginning_on():
+    """Also the first one; 1e-6 s before and after a change lies beyond `JUMP`, by which a sample may come early."""
+    sine = {"kind": "sine", "mean": "3 bar", "amplitude": "1 bar", "frequency": "0.7 Hz", "phase": "0 deg"}
+    table = [
+        {**sine, "lasts": f"{seconds} s", "frequency": f"{hertz} Hz"}
+        for seconds, hertz in ((1, 0.7), (2, 0.3), (4, 1.1))
+    ]
+    parts = [made("sine", **{k: v for k, v in one.items() if k not in ("kind", "lasts")}) for one in table]
+    sequence, ends = made("sequence", parts=table), (0.0, 1.0, 3.0, 9.0)
+    for part, begin, end in zip(parts, ends, ends[1:], strict=False):
+        own = np.linspace(1e-6, end - begin - 1e-6, 50)
+        np.testing.assert_allclose(sequence.at(begin + own), part.at(own), rtol=1e-11)  # rounding of the time
+    assert sequence.fastest == max(part.fastest for part in parts)

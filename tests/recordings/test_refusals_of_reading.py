@@ -13,7 +13,7 @@ import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.formats import columns as columns_of_tables
 from mckibben.formats.table import ForeignColumn, ForeignTable, parse_scale
-from mckibben.formats.text import _decimal_mark, row_list
+from mckibben.formats.text import MARKS, _decimal_mark, _mark, row_list
 from mckibben.recordings import Channel, ForceMap, Recording, read_recording
 from mckibben.recordings.calibration import (
     Calibration,
@@ -350,3 +350,9 @@ def test_a_blank_cell_is_no_event_and_one_that_comes_back_is_one_again():
     cells = np.array(["", "on", "on", "", "on", ""], object)
     found = columns_of_tables._events({"b": cells, "a": np.array(["x"] * 6, object)}, np.arange(6.0))
     assert [(one["time"], one["text"]) for one in found] == [(0.0, "x"), (1.0, "on"), (4.0, "on")]
+
+
+@given(st.sampled_from(MARKS), st.integers(1, 5), st.integers(2, 4))
+def test_cells_are_parted_by_what_parts_all_lines_alike_be_it_one_line_of_two_cells(mark, lines, cells):
+    assert _mark([(mark or "  ").join(["12"] * cells)] * lines) == mark
+    assert _mark(["12"] * lines) is None
