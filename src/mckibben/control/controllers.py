@@ -236,5 +236,5 @@ class IterativeLearning:
 
 PID_GAINS = {"m": (3.0e7, 2.0e8, 0.0), "rad": (8.0e5, 8.0e6, 0.0)}
 LEADS = {"m": 0.09, "rad": 0.06}
-PI_GAINS = {"m": (0.08e8, 1.0e8), "rad": (4.0e5, 4.0e6)}
+PI_GAINS = {"m": (1.4e7, 2.0e8), "rad": (4.0e5, 4.0e6)}
 LEARNING_GAINS = {"m": 0.6e7, "rad": 2.0e5}
