@@ -1,6 +1,7 @@
 """Controllers by name: PID, inverses of the muscle with and without its memory, and iterative learning.
 
-Each is made by ``Class(task)`` with gains tuned on reference R2 of bench B1, or with one's own; see `task.Controller`. The
+Each is made by ``Class(task)`` with gains tuned on reference R2 of bench B1, those of a PI on an inverse or a plan on a
+staircase of other levels than R1's and on other plants than are scored, or with one's own; see `task.Controller`. The
 references are shaped to a rate that a muscle can follow before anything else sees them.
 """
 
