@@ -1,6 +1,7 @@
 """Controllers by name: PID, inverses of the muscle with and without its memory, and iterative learning.
 
-Each is made by ``Class(task)`` with gains tuned on reference R2 of bench B1, or with one's own; see `task.Controller`. The
+Each is made by ``Class(task)`` with gains tuned on reference R2 of bench B1, those of a PI on an inverse or a plan on a
+staircase of other levels than R1's and on other plants than are scored, or with one's own; see `task.Controller`. The
 references are shaped to a rate that a muscle can follow before anything else sees them.
 """
 
@@ -237,5 +238,5 @@ class IterativeLearning:
 
 PID_GAINS = {"m": (3.0e7, 2.0e8, 0.0), "rad": (8.0e5, 8.0e6, 0.0)}
 LEADS = {"m": 0.09, "rad": 0.06}
-PI_GAINS = {"m": (0.08e8, 1.0e8), "rad": (4.0e5, 4.0e6)}
+PI_GAINS = {"m": (1.4e7, 2.0e8), "rad": (4.0e5, 4.0e6)}
 LEARNING_GAINS = {"m": 0.6e7, "rad": 2.0e5}

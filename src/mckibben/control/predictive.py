@@ -2,8 +2,11 @@
 
     y_j over the horizon, j = 0 as planned, j = 1 .. n with move j raised by `perturb`;   J = (y_j - y_0)/perturb
     minimise |r - d - y_0 - J x|^2 + |weight (differences of the moves u + x)|^2,   |x| <= trust
+    number = u + kp e + ki sum(e) T
 
-Behind each sample the model has done what the machine was told; d is the slow part of what the machine does otherwise.
+Behind each sample the model has done what was planned for it; d is the slow part of what the machine does otherwise. While
+the reference moves, d follows and the PI rests. Where it holds, d stands and the PI acts: to a plan whose friction gives
+way less softly than the machine's, d is a chase that does not end. The plan keeps to what the PI leaves of the limits.
 """
 
 from __future__ import annotations
@@ -12,11 +15,19 @@ from typing import Any
 
 import numpy as np
 
+from .controllers import FILLING, PI_GAINS, RESTS
+from .inverse import Inverse
 from .task import ControlTask
+
+MOVE_WEIGHTS = {"m": 1e-3 / 1e5, "rad": 0.03 / 1e5}  # [unit/Pa]
+HOLDS, STANDS = (
+    {"m": 1e-6, "rad": 2e-5},
+    {"m": 2e-6, "rad": 4e-5},
+)  # changes that count: of a reference, of a plan [unit]
 
 
 class PredictiveControl:
-    """Model predictive control by lanes of `Simulation.batch`.
+    """Model predictive control by lanes of `Simulation.batch`, with a PI where the reference holds.
 
     Args:
         task: what is driven.
@@ -27,6 +38,8 @@ class PredictiveControl:
         weight: of a difference between two moves [unit/Pa].
         every: samples from plan to plan.
         share: of the disturbance of the output that is taken in at each sample [1].
+        proportional: kp [Pa/m], of a joint [Pa/rad].
+        integral: ki [Pa/(m s)].
     """
 
     def __init__(
@@ -39,40 +52,60 @@ class PredictiveControl:
         trust: float = 5e4,
         weight: float | None = None,
         every: int = 2,
-        share: float = 0.1,
+        share: float = 0.2,
+        proportional: float | None = None,
+        integral: float | None = None,
     ) -> None:
         self.task, self.moves, self.perturb, self.trust = task, moves, perturb, trust
         self.every, self.share = every, share
         self.weight = MOVE_WEIGHTS[task.unit] if weight is None else weight
+        kp, ki = PI_GAINS[task.unit]
+        self.proportional = kp if proportional is None else proportional
+        self.integral = ki if integral is None else integral
         self.preview = round(horizon / task.period)
         self._block = np.minimum(np.arange(self.preview) * moves // self.preview, moves - 1)
         self._lanes = task.model.batch(moves + 1)
-        self._twin = task.model.with_arrays({})
+        self._twin, self._inverse = task.model.with_arrays({}), Inverse(task, memory=False)
 
     def reset(self, measured: Any, window: np.ndarray) -> None:
-        """Begin at rest."""
+        """Begin at rest, with the number by which the model holds its output."""
         self._lanes.reset()
         output = self.task.output(self._twin.reset())
-        start = self._twin.start_commands()
-        name, (offset, slope) = next(iter(self.task.actuators.items()))
-        self._plan = np.full(self.preview, self.task.saturated((start[name] - offset) / slope))
+        self._plan = np.full(self.preview, self._inverse.reset(output))
         self._off, self._sample, self._told = self.task.output(measured) - output, 0, float(self._plan[0])
+        self._before, self._wanted, self._sum = output, float(window[0]), 0.0
+        self._moving = self._full = 0
 
     def step(self, measured: Any, window: np.ndarray) -> float:
         """The number for the next period."""
-        task = self.task
-        if self._sample:  # the model has done what the machine was told
-            seen = self._twin.step(**task.commands(self._told))
-            self._off += self.share * (task.output(measured) - task.output(seen) - self._off)
+        task, output = self.task, self.task.output(measured)
+        error = float(window[0]) - output
+        changed = np.abs(window - self._wanted).max() > HOLDS[task.unit]
+        self._moving = round(RESTS / task.period) if changed else max(self._moving - 1, 0)
+        self._full, self._wanted = max(self._full - 1, 0), float(window[0])
+        if self._moving:
+            # the median of three shows what was a sample ago
+            self._off += self.share * (output - self._before - self._off)
+            feedback = self._sum
+        else:
+            self._sum += 0.0 if self._full else self.integral * error * task.period
+            feedback = self._sum + self.proportional * error
+        if self._sample:  # the model has done what was planned
+            self._before = float(task.output(self._twin.step(**task.commands(self._told))))
         if self._sample % self.every == 0:
-            self._plan = self._better(window[1:])
-        self._told, self._plan = float(self._plan[0]), np.append(self._plan[1:], self._plan[-1])
+            self._plan = self._better(window[1:], feedback)
+        number = float(self._plan[0]) + feedback
+        acting = task.saturated(number)
+        if acting != number:
+            self._full = round(FILLING / task.period)
+        self._told, self._plan = task.saturated(acting - feedback), np.append(self._plan[1:], self._plan[-1])
         self._sample += 1
-        return self._told
+        return acting
 
-    def _better(self, wanted: np.ndarray) -> np.ndarray:
+    def _better(self, wanted: np.ndarray, feedback: float) -> np.ndarray:
         """A better plan (preview,) [Pa], from the present state of the model."""
         task, lanes, (low, high) = self.task, self._lanes, self.task.limits
+        low, high = max(low, low - feedback), min(high, high - feedback)
         lanes.load_states(self._twin.save_state())
         present = self._plan[[int(np.argmax(self._block == j)) for j in range(self.moves)]]
         # towards the middle of the limits, where a move does something
@@ -80,16 +113,15 @@ class PredictiveControl:
         raised = np.concatenate([np.zeros((len(self._plan), 1)), np.diag(sizes)[self._block]], axis=1)
         courses = self._plan[:, None] + raised
         outputs = np.array([task.output(lanes.step(**task.commands(row))) for row in courses])
+        error = wanted - self._off - outputs[:, 0]
+        if np.abs(error).max() < STANDS[task.unit]:
+            return self._plan
         slopes = (outputs[:, 1:] - outputs[:, :1]) / sizes
         differences = np.eye(self.moves) - np.eye(self.moves, k=-1)
         before = np.zeros(self.moves)
         before[0] = self._told
         rows = np.concatenate([slopes, self.weight * differences])
-        error = wanted - self._off - outputs[:, 0]
         right = np.concatenate([error, self.weight * (before - differences @ present)])
         change = np.clip(np.linalg.lstsq(rows, right, rcond=None)[0], -self.trust, self.trust)
         better: np.ndarray = np.clip(self._plan + change[self._block], low, high)
         return better
-
-
-MOVE_WEIGHTS = {"m": 1e-3 / 1e5, "rad": 0.03 / 1e5}
