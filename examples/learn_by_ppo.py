@@ -27,6 +27,7 @@ import numpy as np
 
 import mckibben as mk
 import mckibben_hosts.gymnasium
+from mckibben.quantities import with_unit
 from mckibben_hosts.gymnasium.tasks import PERIOD
 
 LANES, STEPS = 128, 50  # samples of an iteration: 128 lanes of a quarter of an episode
@@ -238,11 +239,12 @@ def draw_plants(task: str, judged: dict[bool, Evaluation], folder: Path) -> None
                 episode = np.flatnonzero(one.plant == plants[k])
                 # of its episodes the one whose error is nearest to their mean
                 episode = episode[np.argmin(np.abs(one.error[episode] - each[k]))]
-                time = np.arange(1, len(one.motion) + 1) * PERIOD
-                ax.plot(time, one.motion[:, 1, episode], color="0.5", lw=0.8, ls="--")
-                ax.plot(time, one.motion[:, 0, episode])
+                # the last observation is the first one of the next episode's goal
+                time = np.arange(1, len(one.motion)) * PERIOD
+                ax.plot(time, one.motion[:-1, 1, episode], color="0.5", lw=0.8, ls="--")
+                ax.plot(time, one.motion[:-1, 0, episode])
                 trained = "varied" if kind else "nominal"
-                ax.set_title(f"{trained}, {words} plant: {each[k]:.2g} {one.unit}", fontsize="small")
+                ax.set_title(f"{trained}, {words} plant: {with_unit(each[k], one.unit, 2)}", fontsize="small")
         for ax in axes[-1]:
             ax.set_xlabel("time (s)")
         figure.supylabel(one.label, fontsize="small")

@@ -74,7 +74,7 @@ def test_what_a_muscle_has_learned_neither_yields_nor_takes_work_in_a_closed_cyc
     ours, plain = works
     turnover = np.abs(np.diff(ours)).sum()
     assert np.abs(ours - plain).max() > 0.02 * turnover  # the learned part moves energy to and fro
-    # Both lose what the damping of the fastening takes, which the span alone says; rounding of 2,000 steps.
+    # Both lose what the internal damping takes, which the span alone says; rounding of 2,000 steps.
     assert 0.0 < plain[-1] < 2e-3 * turnover and abs(ours[-1] - plain[-1]) < 1e-10 * turnover
 
 
