@@ -3,7 +3,7 @@
     python examples/learn_by_ppo.py [Lift Joint Reach Pressure] [--varied] [--iterations 150] [--seed 0] [--out FOLDER]
 
 With --varied each task is learned twice, on the nominal plant and on plants that differ from episode to episode, and both
-policies are judged on 50 plants that neither has seen.
+policies are judged on 50 plants that neither has seen; drawn is what each does on its best, median and worst one.
 Prints the mean error while training, at the end that of the trained policy without noise on 256 new episodes, and that
 of valves which stay shut; draws the learning curves. Ctrl-C ends the training of a task; what was learned is evaluated.
 
@@ -18,6 +18,7 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import gymnasium
 import jax
@@ -26,6 +27,8 @@ import numpy as np
 
 import mckibben as mk
 import mckibben_hosts.gymnasium
+from mckibben.quantities import with_unit
+from mckibben_hosts.gymnasium.tasks import PERIOD
 
 LANES, STEPS = 128, 50  # samples of an iteration: 128 lanes of a quarter of an episode
 QUARTERS = 4  # of an episode
@@ -126,15 +129,38 @@ def differing(task: str, varied: bool, plants_seed: int) -> dict:
     return {"vary": VARIED | MOVED.get(task, {}), "delay": (0, 1), "plants_seed": plants_seed} if varied else {}
 
 
-def evaluate(task: str, policy: object, episodes: int = 256, **differs: object) -> tuple[np.ndarray, np.ndarray, str]:
-    """Mean error of each of some episodes of new seeds, the plant that each has, and the unit."""
+class Evaluation(NamedTuple):
+    """Episodes of new seeds under a policy.
+
+    Attributes:
+        error: mean of each episode (episodes,), in the unit of the task.
+        plant: which one each episode has (episodes,).
+        motion: first wanted quantity and its goal (samples, 2, episodes) [SI].
+        label: of the motion, for an axis.
+        unit: of the error.
+    """
+
+    error: np.ndarray
+    plant: np.ndarray
+    motion: np.ndarray
+    label: str
+    unit: str
+
+
+def evaluate(task: str, policy: object, episodes: int = 256, **differs: object) -> Evaluation:
+    """Carry out episodes of new seeds."""
     env = gymnasium.make_vec(f"mckibben/{task}-v0", num_envs=episodes, **differs)
-    seen, about = env.reset(seed=1_000_000)
-    errors = []
-    for _ in range(env.unwrapped.task.samples):
+    of, (seen, about) = env.unwrapped.task, env.reset(seed=1_000_000)
+    names = [sense.name for sense in of.senses]
+    places = names.index(of.wanted[0]), next(k for k, name in enumerate(names) if name.startswith("goal"))
+    sense = of.senses[places[0]]
+    errors, motion = [], []
+    for _ in range(of.samples):
         seen, _, _, _, info = env.step(np.asarray(policy(seen)))
         errors.append(info["error"])
-    return np.mean(errors, axis=0), about.get("plant", np.zeros(episodes, int)), env.unwrapped.task.error_unit
+        motion.append(sense.low + 0.5 * (seen[:, places].T + 1.0) * (sense.high - sense.low))
+    plant, label = about.get("plant", np.zeros(episodes, int)), f"{sense.name} ({sense.unit})"
+    return Evaluation(np.mean(errors, axis=0), plant, np.array(motion), label, of.error_unit)
 
 
 def train(task: str, iterations: int, seed: int, varied: bool = False) -> tuple[dict, list[tuple[int, float, float]]]:
@@ -197,6 +223,34 @@ def draw(curves: dict[str, tuple[list[tuple[int, float, float]], float, str]], f
         mk.save_figure(figure, folder / "learn-by-ppo.svg")
 
 
+def draw_plants(task: str, judged: dict[bool, Evaluation], folder: Path) -> None:
+    """Draw what each policy does on the plant on which its mean error is least, median and largest: one episode each."""
+    import matplotlib.pyplot as plt
+
+    with mk.figure_style("screen"):
+        figure, axes = plt.subplots(
+            len(judged), 3, figsize=(7.4, 3.6), sharex=True, sharey=True, squeeze=False, layout="constrained"
+        )
+        for row, (kind, one) in zip(axes, judged.items(), strict=True):
+            plants = np.unique(one.plant)
+            each = np.array([one.error[one.plant == k].mean() for k in plants])
+            order = np.argsort(each)
+            for ax, words, k in zip(row, ("best", "median", "worst"), order[[0, len(order) // 2, -1]], strict=True):
+                episode = np.flatnonzero(one.plant == plants[k])
+                # of its episodes the one whose error is nearest to their mean
+                episode = episode[np.argmin(np.abs(one.error[episode] - each[k]))]
+                # the last observation is the first one of the next episode's goal
+                time = np.arange(1, len(one.motion)) * PERIOD
+                ax.plot(time, one.motion[:-1, 1, episode], color="0.5", lw=0.8, ls="--")
+                ax.plot(time, one.motion[:-1, 0, episode])
+                trained = "varied" if kind else "nominal"
+                ax.set_title(f"{trained}, {words} plant: {with_unit(each[k], one.unit, 2)}", fontsize="small")
+        for ax in axes[-1]:
+            ax.set_xlabel("time (s)")
+        figure.supylabel(one.label, fontsize="small")
+        mk.save_figure(figure, folder / f"policies-on-plants-{task.lower()}.svg")
+
+
 def main(
     folder: Path, tasks: Sequence[str] = ("Lift",), iterations: int = 150, seed: int = 0, varied: bool = False
 ) -> None:
@@ -209,19 +263,22 @@ def main(
             parameters, curve = train(task, iterations, seed, kind)
             policies[kind] = jax.jit(partial(network, parameters["policy"]))
             if not kind:
-                error, _, unit = evaluate(task, policies[kind])
-                shut, _, _ = evaluate(task, lambda seen, count=parameters["spread"].size: np.zeros((len(seen), count)))
-                said = f"mean error over 256 new episodes {error.mean():.4g} {unit}"
-                print(f"  {said}; with valves shut {shut.mean():.4g} {unit}")
-                curves[task] = curve, float(shut.mean()), unit
+                moved = evaluate(task, policies[kind])
+                shut = evaluate(task, lambda seen, count=parameters["spread"].size: np.zeros((len(seen), count)))
+                said = f"mean error over 256 new episodes {moved.error.mean():.4g} {moved.unit}"
+                print(f"  {said}; with valves shut {shut.error.mean():.4g} {moved.unit}")
+                curves[task] = curve, float(shut.error.mean()), moved.unit
+        judged = {}
         for kind, policy in policies.items() if varied else ():
-            error, plant, unit = evaluate(task, policy, UNSEEN * EPISODES, plants=UNSEEN, **differing(task, True, 1))
-            each = np.array([error[plant == k].mean() for k in np.unique(plant)])
+            one = judged[kind] = evaluate(task, policy, UNSEEN * EPISODES, plants=UNSEEN, **differing(task, True, 1))
+            each = np.array([one.error[one.plant == k].mean() for k in np.unique(one.plant)])
             words = "varied" if kind else "nominal"
             print(
-                f"  trained on {words} plants, on {len(each)} unseen ones: median {np.median(each):.4g} {unit}, "
-                f"worst {each.max():.4g} {unit}"
+                f"  trained on {words} plants, on {len(each)} unseen ones: median {np.median(each):.4g} {one.unit}, "
+                f"worst {each.max():.4g} {one.unit}"
             )
+        if judged:
+            draw_plants(task, judged, folder)
     draw(curves, folder)
 
 

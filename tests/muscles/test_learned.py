@@ -1,10 +1,14 @@
 """A learned residual: a potential beside a law, which yields nothing in a closed cycle and fades outside of its data."""
 
+import ctypes
 import dataclasses
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
 
+import lanewise
 import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.muscles.learned import LearnedResidual
@@ -85,6 +89,7 @@ def test_a_specimen_keeps_what_was_learned_bit_for_bit_and_only_beside_its_own_l
     read = mk.muscle(tmp_path / "mine.toml")
     length, pressure = grid()
     np.testing.assert_array_equal(read.law.tension(length, pressure), law.tension(length, pressure))
+    assert read.law.rest_length == spec.property_si("rest_length", "m") and not hasattr(read.law, "colour")
     other = next(name for name in spec.laws if name != spec.law)
     assert not isinstance(mk.muscle(tmp_path / "mine.toml", law=other).law, LearnedResidual)
     with pytest.raises(InputError, match="learned on one muscle"):
@@ -115,3 +120,25 @@ def test_balances_of_a_simulation_with_a_learned_residual_close():
         sim.step(muscle=0.3 * np.sin(0.2 * k))
     balance = sim.recording().meta["balance"]
     assert balance and all(abs(error) < 1e-6 for error in balance.values()), balance  # of RK4 at 0.2 ms
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler here")
+def test_tension_and_volume_of_a_learned_muscle_are_plain_c_with_the_same_bits(tmp_path):
+    law = learned()
+    program, _ = lanewise.lower(
+        lambda length, pressure: (law.tension(length, pressure), law.volume(length, pressure)), 0.1, 1e5
+    )
+    for name, text in lanewise.to_c(
+        program, "muscle", arguments=("length", "pressure"), results=("tension", "volume")
+    ).items():
+        (tmp_path / name).write_text(text)
+    flags = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC", "-shared")
+    subprocess.run(["cc", *flags, str(tmp_path / "muscle.c"), "-o", str(tmp_path / "muscle.so"), "-lm"], check=True)
+    call = ctypes.CDLL(str(tmp_path / "muscle.so")).muscle
+    call.argtypes = [ctypes.POINTER(ctypes.c_double)] * 4
+    places = np.stack(list(grid()), axis=1)
+    expected = np.stack(program.call(list(places.T), lanes=len(places)), axis=1)
+    for at, values in zip(places, expected, strict=True):
+        ours = [ctypes.c_double(x) for x in (*at, np.nan, np.nan)]
+        call(*ours)
+        assert [one.value for one in ours[2:]] == values.tolist()

@@ -1,5 +1,6 @@
 """A simulation finds in a record of its motion the numbers with which it was made."""
 
+import dataclasses
 import functools
 import math
 
@@ -8,6 +9,7 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError
+from mckibben.muscles import LearnedResidual
 from mckibben.muscles.elements import MaxwellChain
 from mckibben.muscles.hysteresis.maxwell_slip import MaxwellSlip
 from mckibben.muscles.hysteresis.slip import FrictionLimit
@@ -21,10 +23,12 @@ FREE = {
 
 
 @functools.cache
-def bench(noise=False):
-    """A weight on a muscle with friction and creep, on a regulator, at 50 Hz."""
+def bench(noise=False, window=None):
+    """A weight on a muscle with friction and creep, on a regulator, at 50 Hz; perhaps with weights of zero in a window."""
     travel, force = np.array([0.05e-3, 0.3e-3, 2e-3, 12e-3]), np.array([4.7, 2.1, 3.9, 20.4])
     law = mk.muscle("DMSP-10-250").law
+    if window is not None:
+        law = LearnedResidual.beside(law, lengths=window, pressures=(1.5e5, 5.5e5), order=(3, 2))
     muscle = mk.Muscle(
         law,
         friction=MaxwellSlip(
@@ -129,6 +133,35 @@ def test_a_sensor_that_is_late_and_off_is_told_from_the_muscle():
     ).estimates  # fmt: skip
     assert found["position.offset"].value == pytest.approx(3e-4, rel=0.01)
     assert found["position.delay"].value == pytest.approx(0.04, rel=0.01)  # straight between samples
+
+
+WEIGHTS = {"law.weights": ("-0.1 J", "0.1 J")}
+INSIDE, BEYOND = (0.2, 0.25), (0.28, 0.3)  # of the lengths of the records [m]
+
+
+def test_weights_of_a_residual_are_found_and_predict_what_was_not_shown():
+    truth = np.array([[0.02, -0.01], [0.015, 0.02], [-0.01, 0.005]])
+    none = bench(window=INSIDE)
+    real = bench(noise=True, window=INSIDE).with_arrays({"units.muscle.law.weights": truth})
+    real.reset(seed=1)
+    for command in record()["muscle.command"]:
+        real.step(muscle=float(command))
+    shown = real.recording()
+    found = none.fit(shown, WEIGHTS, train=("0 s", "8 s"), measured=("position",))
+    off = dataclasses.replace(found, simulation=none).predict(shown).position - shown["measured.position"]
+    before = np.sqrt(np.mean(off**2))
+    assert before > 1e-4 and found.rms("position", shown=False) < 0.1 * before
+    assert all(np.isfinite([e.low, e.high]).all() for e in found.estimates.values())
+
+
+def test_weights_of_which_a_record_tells_nothing_are_held_at_zero():
+    found = bench(window=BEYOND).fit(
+        record(noise=True, samples=100), {**WEIGHTS, "load.mass": None}, measured=("position",)
+    )
+    weights = list(found.estimates.values())[:-1]
+    assert [e.value for e in weights] == [0.0] * 6
+    # the prior alone: ten sizes of 0.02 J are its deviation, so that 95 % are about twice as wide, and cut at the bounds
+    assert all(e.low == -0.1 and e.high == 0.1 for e in weights)
 
 
 def test_what_the_record_cannot_tell_is_said():

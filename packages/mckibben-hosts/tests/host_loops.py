@@ -1,6 +1,6 @@
 """A weight on a muscle in a host: two kinds of host loops, and the same system integrated as one."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,11 @@ class HostRun(NamedTuple):
     tensions: np.ndarray
 
 
-def hanging_part(air: object = None, **options: object) -> Part:
-    """The nylon muscle with a pressure that carries the weight at the start."""
-    made = Part("nylon", air, span=START, **options)
+def hanging_part(air: object = None, muscle: Any = "nylon", **options: object) -> Part:
+    """The nylon muscle, or another one, with a pressure that carries the weight at the start."""
+    made = Part(muscle, air, span=START, **options)
     carries = float(made.hosted.muscles["muscle"].law.pressure_for(MASS * GRAVITY, START))
-    return Part("nylon", air, span=START, pressure=carries, **options)
+    return Part(muscle, air, span=START, pressure=carries, **options)
 
 
 def run_in_host(part: Part, step: float, commands: np.ndarray, *, staggered: bool, start: float = START) -> HostRun:

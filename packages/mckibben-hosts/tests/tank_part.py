@@ -1,7 +1,8 @@
-"""Two muscles on a small tank that is not filled again: what one takes the other has not."""
+"""Two muscles, of which one has learned, on a small tank that is not filled again: what one takes the other has not."""
 
 from pathlib import Path
 
+from learned_muscle import learned_muscle
 from mckibben_hosts import Part
 
 CIRCUIT = """schema = 1
@@ -19,7 +20,7 @@ dead_volume = "1 cm^3"
 heat = "isothermal"
 [nodes.right]
 kind = "muscle"
-specimen = "nylon"
+specimen = "LEARNED"
 length = "14 cm"
 dead_volume = "1 cm^3"
 heat = "isothermal"
@@ -34,5 +35,5 @@ duration = "1 s"
 def tank_part(folder: Path) -> Part:
     """The part, from a circuit file in a folder."""
     path = folder / "tank.toml"
-    path.write_text(CIRCUIT, encoding="utf-8")
+    path.write_text(CIRCUIT.replace("LEARNED", str(learned_muscle(folder))), encoding="utf-8")
     return Part.from_circuit(path)

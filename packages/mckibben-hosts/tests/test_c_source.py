@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from learned_muscle import learned_muscle
 from mckibben.cli import main
 from mckibben.simulation.air import Air
 from mckibben_hosts import Part
@@ -21,8 +22,9 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler here")
 
 
 @pytest.fixture(scope="module")
-def part() -> Part:
-    return Part({"flexor": "nylon", "extensor": "nylon"}, Air(supply="6 bar"), span=0.14)
+def part(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    learned = learned_muscle(tmp_path_factory.mktemp("learned"))
+    return Part({"flexor": "nylon", "extensor": learned}, Air(supply="6 bar"), span=0.14)
 
 
 @pytest.fixture(scope="module")

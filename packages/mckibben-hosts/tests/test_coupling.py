@@ -1,15 +1,20 @@
 """The border between a host and a part: order of the coupling, work, slack, rest, dead time, states."""
 
+from pathlib import Path
+
 import jax
 import numpy as np
 import pytest
 
+import mckibben as mk
 from host_loops import MASS, START, hanging_part, run_as_one, run_in_host
+from learned_muscle import learned_muscle
 from mckibben.engine.signals import Signal
 from mckibben.engine.soundness import Soundness
 from mckibben.errors import ConvergenceError, InputError, PlausibilityWarning
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.valves import SpoolValve
+from mckibben.pneumatics.volume import Isothermal, WallHeat
 from mckibben.simulation.air import Air
 from mckibben_hosts import Part, coupling, part_of
 from mckibben_hosts.coupling import LINE, CommandLine
@@ -47,6 +52,30 @@ def test_the_work_of_the_host_is_that_on_the_part(part: Part, staggered: bool) -
     turnover = MASS * 9.80665 * np.abs(np.diff(run.spans)).sum()
     # the ramps of the part and the motion of the host differ by second order in the step
     assert abs(run.host_work - run.part_work) < 5e-3 * turnover
+
+
+@pytest.mark.parametrize("heat", [Isothermal(), WallHeat(conductance=0.0)])
+def test_what_a_muscle_has_learned_neither_yields_nor_takes_work_in_a_closed_cycle(
+    heat: object, tmp_path: Path
+) -> None:
+    """The valve is shut, there is no friction, and the gas is reversible: what the muscle has learned is all stored."""
+    learned = mk.muscle(learned_muscle(tmp_path)).law
+    tight = Orifice.from_flow(105e-3 / 60.0, pressure=6.9e5)
+    air = Air(supply="6 bar", heat=heat, tube="none", valve=SpoolValve(fill=tight, vent=tight, lag=3e-3, leakage=0.0))
+    path = START - 2.5e-3 * (1.0 - np.cos(2.0 * np.pi * np.arange(101) / 100))
+    works = []
+    for law in (learned, learned.of):
+        part = Part(mk.Muscle(law), air, span=START, pressure="3 bar")
+        state, work = part.rest(START), [0.0]
+        for span, change in zip(path, np.diff(path), strict=False):
+            state, seen = part.step(state, period=1e-3, span=span, rate=change / 1e-3)
+            work.append(seen.work)
+        works.append(np.array(work))
+    ours, plain = works
+    turnover = np.abs(np.diff(ours)).sum()
+    assert np.abs(ours - plain).max() > 0.02 * turnover  # the learned part moves energy to and fro
+    # Both lose what the internal damping takes, which the span alone says; rounding of 2,000 steps.
+    assert 0.0 < plain[-1] < 2e-3 * turnover and abs(ours[-1] - plain[-1]) < 1e-10 * turnover
 
 
 def test_a_slack_muscle_does_not_pull(part: Part) -> None:

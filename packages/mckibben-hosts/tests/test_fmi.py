@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from host_loops import MASS, START, hanging_part, run_in_host
+from learned_muscle import learned_muscle
 from mckibben.errors import InputError
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.valves import SpoolValve
@@ -82,8 +83,8 @@ class Slave:
 
 
 @pytest.fixture(scope="module")
-def part() -> Part:
-    return hanging_part(Air(supply="6 bar"))
+def part(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    return hanging_part(Air(supply="6 bar"), learned_muscle(tmp_path_factory.mktemp("learned")))
 
 
 @pytest.fixture(scope="module", params=["fmi3", "fmi2"])

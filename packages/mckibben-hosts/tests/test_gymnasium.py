@@ -13,7 +13,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import mckibben_hosts.gymnasium as environments
+from learned_muscle import learned_muscle
 from mckibben.errors import InputError
+from mckibben.simulation import Weight
+from mckibben_hosts.gymnasium.tasks import LiftTask
 
 LIFT = "mckibben/Lift-v0"
 
@@ -46,11 +49,23 @@ def test_the_checker_of_gymnasium_finds_nothing_in_the_other_tasks(name):
     check_env(gymnasium.make(name, render_mode="rgb_array").unwrapped)
 
 
+class LearnedLift(LiftTask):
+    """The muscle that lifts has learned what its law leaves."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def system(self):
+        return Weight(self.file, mass="3 kg", start="13 cm", damping="5 N*s/m")
+
+
+@pytest.mark.parametrize("muscle", ["nylon", "learned"])
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_lanes_are_single_environments_bit_for_bit_through_resets(mode):
+def test_lanes_are_single_environments_bit_for_bit_through_resets(mode, muscle, tmp_path):
     lanes, limit = 3, 6
-    many = gymnasium.make_vec(LIFT, num_envs=lanes, max_episode_steps=limit, autoreset_mode=mode)
-    one = functools.partial(gymnasium.make, LIFT, max_episode_steps=limit)
+    task = LIFT if muscle == "nylon" else LearnedLift(learned_muscle(tmp_path))
+    many = gymnasium.make_vec(LIFT, num_envs=lanes, max_episode_steps=limit, autoreset_mode=mode, task=task)
+    one = functools.partial(gymnasium.make, LIFT, max_episode_steps=limit, task=task)
     each = SyncVectorEnv([one] * lanes, autoreset_mode=mode)
     assert many.metadata["autoreset_mode"] == each.metadata["autoreset_mode"]
     assert many.observation_space == each.observation_space and many.action_space == each.action_space

@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from learned_muscle import learned_muscle
 from mckibben.errors import InputError, MckibbenError
 from mckibben.simulation import Air
 from mckibben_hosts import Part
@@ -25,12 +26,12 @@ def carried(muscle):
     return Scenario("carried", "a weight carried at rest", part, mechanism, {"muscle": (PRESSURE,) * SAMPLES})
 
 
-@pytest.mark.parametrize("muscle", ["nylon", "DMSP-40-400"])
+@pytest.mark.parametrize("muscle", ["learned", "DMSP-40-400"])
 @pytest.mark.parametrize("host", HOSTS)
-def test_a_muscle_in_a_host_pulls_as_its_law(host, muscle):
+def test_a_muscle_in_a_host_pulls_as_its_law(host, muscle, tmp_path):
     if host in NEEDS_COMPILER and not (shutil.which("gcc") or shutil.which("cc")):
         pytest.skip("no C compiler here")
-    scenario = carried(muscle)
+    scenario = carried(learned_muscle(tmp_path) if muscle == "learned" else muscle)
     try:
         opened = adapter(host)
     except (ImportError, InputError, MckibbenError) as error:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from learned_muscle import learned_muscle
 from mckibben.simulation.air import Air
 from mckibben_hosts import Part, conform, export
 
@@ -15,8 +16,8 @@ SPAN, STEP = 0.14, 1e-3
 
 
 @pytest.fixture(scope="module")
-def part() -> Part:
-    return Part("nylon", Air(supply="6 bar"), span=SPAN)
+def part(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    return Part(learned_muscle(tmp_path_factory.mktemp("learned")), Air(supply="6 bar"), span=SPAN)
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +76,24 @@ def test_parameters_may_differ_from_instance_to_instance(module):
     assert high > 1.5 * low > 0.0
     with pytest.raises(KeyError, match="Unknown parameter"):
         module.Muscles(1, "cpu", {"supply": 1.0})
+
+
+def test_rows_of_zeros_rest_at_the_next_span_while_the_others_go_on(part, module):
+    """What an actuator of another simulator needs, which is asked for efforts and reset row by row."""
+    muscles, at = module.Muscles(2, "cpu"), {"period": STEP, "span": SPAN, "staggered": True, "muscle": 0.5}
+    state = again = None
+    for k in range(12):
+        if k == 8:
+            muscles.state.numpy()[1] = 0.0
+            again = None
+        given(muscles, [SPAN] * 2, [0.0] * 2, [0.5] * 2)
+        muscles.step(STEP)
+        wp.copy(muscles.state, muscles.following)
+        state, seen = part.step(part.rest(SPAN, muscle=0.5) if state is None else state, **at)
+        again, anew = part.step(part.rest(SPAN, muscle=0.5) if again is None else again, **at)
+    assert seen.pressure > 2.0 * anew.pressure > 0.0
+    # as above: other compilers
+    np.testing.assert_allclose(muscles.output("muscle.muscle.pressure"), [seen.pressure, anew.pressure], rtol=1e-9)
 
 
 def test_models_that_cannot_work_are_refused(module):

@@ -6,6 +6,7 @@ supply, its port and the room, and a tube from the port to the muscle.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from typing import Any, Final, Literal, NamedTuple
 
@@ -83,7 +84,7 @@ def rig_cord() -> Tendon:
 
 
 def unit_from_specimen(
-    spec: Specimen | str,
+    spec: Specimen | str | os.PathLike[str],
     *,
     law: str | None = None,
     friction: str | None = None,
@@ -97,7 +98,7 @@ def unit_from_specimen(
     """A muscle from a specimen, tied to its anchors unless it has a tendon; what the specimen does not state is `INFERRED`.
 
     Args:
-        spec: a McKibben specimen, or its id.
+        spec: a McKibben specimen, its id, or its file.
         law: one of the laws it states; its default law by default.
         friction: one of the frictions it states; where left out Maxwell-slip, and if only Coulomb's is stated, Maxwell-slip
             elements with its limit, since a friction without memory chatters at rest.
@@ -111,7 +112,7 @@ def unit_from_specimen(
     Raises:
         InputError: if the specimen is no McKibben muscle, or states something else than what was requested.
     """
-    stated = muscle_specimen(spec) if isinstance(spec, str) else spec
+    stated = spec if isinstance(spec, Specimen) else muscle_specimen(spec)
     if stated.kind != "mckibben":
         raise InputError("specimen", stated.id, f"must be a McKibben muscle; it is {stated.kind}", where=stated.where)
     chosen = built_muscle(stated, law=law, friction=friction, creep=creep, **dict(changes or {}))

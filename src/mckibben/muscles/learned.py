@@ -159,6 +159,11 @@ class LearnedResidual(TensionLaw):
         """Whether the law knows its volume."""
         return self.of.has_volume()
 
+    @property
+    def rest_length(self) -> Scalar:
+        """That of the law, where it states one [m]."""
+        return self.of.rest_length  # type: ignore[attr-defined,no-any-return]
+
 
 def _basis(x: Scalar, count: int) -> list[Scalar]:
     """Chebyshev polynomials under the window; clipped before they are multiplied, so that nothing beyond it overflows."""

@@ -348,11 +348,11 @@ class _Unknowns:
 
     @property
     def held(self) -> np.ndarray:
-        """How strongly each scaled parameter is held at zero (p,), as a weight of a residual: those of tables only.
+        """Rows of the prior, of scaled parameters (k, p): each weight of a table is held at zero, nothing else is.
 
         A potential between the places where a record was tells nothing of its own; ten sizes are its prior's deviation.
         """
-        return np.array([PRIOR if name in self.elements else 0.0 for name in self.parameters])
+        return PRIOR * np.eye(len(self.parameters))[[name in self.elements for name in self.parameters]]
 
     def changes(self, values: np.ndarray) -> dict[str, np.ndarray]:
         """Parameters of the machine, with an axis of lanes behind, from values (p, lanes) [unit]."""
@@ -421,11 +421,20 @@ class _Comparison:
         return off, slopes
 
     def weighted(self, x: np.ndarray, which: int) -> np.ndarray:
-        """Errors over their sizes, or their derivatives, of all fields one after the other."""
-        return np.concatenate([v / self.weights[name] for name, v in self.errors(x.tobytes())[which].items()])
+        """Errors over their sizes, or their derivatives, of all fields one after the other, and those of the prior."""
+        rows, held = self.errors(x.tobytes())[which], self.unknowns.held
+        return np.concatenate([*(v / self.weights[name] for name, v in rows.items()), (held @ x, held)[which]])
+
+    def weigh(self, x: np.ndarray) -> None:
+        """Let the size of each field be its error at scaled parameters: the best that is known of its noise."""
+        off, _ = self.errors(x.tobytes())
+        self.weights |= {name: max(_rms(v), LEAST * self.spread[name]) for name, v in off.items()}
 
     def search(self, evaluations: int) -> Descent:
-        """The least squares of all fields, each by the error that it is left with at the end."""
+        """The least squares of all fields, each by the error that it is left with at the end.
+
+        A prior holds by the noise, so that a search of weights begins with the error that the simulation has without them.
+        """
         parameters = self.unknowns.parameters
         start = np.array([q.scaled(q.start) for q in parameters.values()])
         options = {"max_nfev": evaluations, "xtol": 1e-6, "ftol": 1e-6, "gtol": 1e-12}
@@ -433,11 +442,11 @@ class _Comparison:
         estimation = Estimation(parameters, residual, jacobian, margin=2.0 * STEP, options=options)
         if _rms(residual(start)) >= LOST:
             raise ConvergenceError("The simulation cannot go through the record with its parameters as they are.")
+        if self.unknowns.elements:
+            self.weigh(start)
         best = estimation.search([start])
-        if len(self.target) > 1:
-            # so that intervals are those of the noise of each field
-            off, _ = self.errors(best.x.tobytes())
-            self.weights |= {name: max(_rms(v), LEAST * self.spread[name]) for name, v in off.items()}
+        if len(self.target) > 1 or self.unknowns.elements:
+            self.weigh(best.x)  # so that intervals are those of the noise of each field
             best = estimation.search([best.x])._replace(start=start)
         return best
 

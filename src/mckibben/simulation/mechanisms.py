@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +21,7 @@ from ..assembly.build import Assumption, rig_cord, unit_assumptions, unit_from_m
 from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, MomentArm, PlateLoad
 from ..assembly.loads.joint import STOP_STIFFNESS
 from ..assembly.muscle_unit import MuscleUnit
+from ..components import Module
 from ..errors import InputError, UnreachableError
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
@@ -82,7 +84,7 @@ def muscle_unit(muscle: AnyMuscle, field: str = "muscle", tendon: TendonOption =
         cord = rig_cord().replace(stiffness=in_si(cord, "N/m", "tendon"))
     if isinstance(muscle, MuscleUnit):
         return muscle if cord is None else muscle.replace(tendon=cord)
-    if isinstance(muscle, str | Specimen):
+    if isinstance(muscle, str | os.PathLike | Specimen):
         return unit_from_specimen(muscle, tendon=cord)
     if isinstance(muscle, Muscle):
         return unit_from_muscle(muscle, tendon=cord)
@@ -91,7 +93,7 @@ def muscle_unit(muscle: AnyMuscle, field: str = "muscle", tendon: TendonOption =
 
 def published(muscle: AnyMuscle) -> Specimen | None:
     """The specimen behind a muscle; None where there is none."""
-    if isinstance(muscle, str):
+    if isinstance(muscle, str | os.PathLike):
         return muscle_specimen(muscle)
     return muscle.specimen if isinstance(muscle, Muscle) else muscle if isinstance(muscle, Specimen) else None
 
@@ -140,7 +142,7 @@ class Stated:
         for name in amounts(self):
             value = getattr(self, name)
             for one in value if isinstance(value, tuple | list) else (value,):
-                if one is not None and not isinstance(one, MomentArm):
+                if one is not None and not isinstance(one, Module):  # a moment arm, or a model of heat
                     in_si(one, amounts(self)[name][0], name)
         if "stops" in amounts(self):
             _check_stops(self)

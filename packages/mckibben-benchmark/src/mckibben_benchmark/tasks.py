@@ -300,7 +300,8 @@ ONE_PAIR = "Only one pair was measured: the interval is over periods, and says n
 SMOOTHED = (
     "The displacement was filtered at 3 Hz forwards and backwards by those who measured it, so that it begins to move"
     " before the force does. The discrepancy of `friction_discrepancy` has a length of 1 % of the record, the shortest that"
-    " is tried: it bridges no period, and changes the prediction by what it does to curve and friction."
+    " is tried: it bridges no period, and changes the prediction by what it does to curve and friction. The pair does not"
+    " repeat itself better: the mean of the other periods at the same phase of the force leaves 3.9 %."
 )
 ON_ALL = "The form and the priors of `seated_hyperelastic_braid` were chosen after these data had been seen."
 RULED = (
