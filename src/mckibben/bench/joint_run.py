@@ -230,7 +230,8 @@ def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray])
     Raises:
         InputError: an angle is beyond a stop, or one at the start is none that a muscle can take.
     """
-    load, pair = stand.machine.load, stand.control.pair
+    load: Any = stand.machine.load
+    pair = stand.control.pair
     angles, wanted = set_points["angle"], set_points["stiffness"]
     stops = float(load.lower_stop), float(load.upper_stop)
     said: list[Caution] = []

@@ -180,6 +180,7 @@ class SimulationBatch:
             self.kernel.set_command(entries[name][0], array)
         held = self.kernel.commands
         if not ((held >= self._low) & (held <= self._high)).all():  # or one is no number
+            assert self._begin is not None
             before = self._log[-1] if self._log else self._begin.commands
             for name, (place, _, _) in entries.items():
                 self.simulation.check_held(name, held[place], before[place])
