@@ -178,7 +178,7 @@ def test_what_the_record_cannot_tell_is_said():
     [
         ({}, "at least one parameter"),
         ({"muscle.law.rest_diametre": None}, "rest_diameter"),
-        ({"rest_diameter": ("2 cm", "1 cm")}, "below the largest"),
+        ({"rest_diameter": ("2 cm", "1 cm")}, "free rest_diameter must be a least value and then a larger one"),
         ({"law.rest_diameter": "1 cm"}, "pair"),
         ({"conductance": None}, "is one of"),
     ],
@@ -204,7 +204,16 @@ def test_a_record_of_another_clock_or_without_commands_is_refused():
         bench().fit(record(), {"load.mass": None}, channels={"position": "laser"})
     with pytest.raises(InputError, match="Unknown channels 'positon'. Did you mean 'position'"):
         bench().fit(record(), {"load.mass": None}, channels={"positon": "position"})
-    with pytest.raises(InputError, match="measured must be one field or more"):
-        bench().fit(record(), {"load.mass": None}, measured=[])
+    for measured in ([], "position"):
+        with pytest.raises(InputError, match="measured must be names of one field or more"):
+            bench().fit(record(), {"load.mass": None}, measured=measured)
+    with pytest.raises(InputError, match=r"channel of position must be one in m, as position is, not in m/s"):
+        bench().fit(record(), {"load.mass": None}, channels={"position": "load.velocity"})
+    with pytest.raises(InputError, match="settle must be from 0 s to 1000 s, got 1e.09 s"):
+        bench().fit(record(), {"load.mass": None}, settle=1e9)
+    with pytest.raises(
+        InputError, match="free load.mass must be a least value and then a larger one, got '3 kg and 1 kg'"
+    ):
+        bench().fit(record(), {"load.mass": ("3 kg", "1 kg")})
     with pytest.raises(InputError, match="two samples"):
         bench().fit(record(), {"load.mass": None}, train=slice(0, 1))

@@ -230,7 +230,8 @@ def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray])
     Raises:
         InputError: an angle is beyond a stop, or one at the start is none that a muscle can take.
     """
-    load, pair = stand.machine.load, stand.control.pair
+    load: Any = stand.machine.load
+    pair = stand.control.pair
     angles, wanted = set_points["angle"], set_points["stiffness"]
     stops = float(load.lower_stop), float(load.upper_stop)
     said: list[Caution] = []
@@ -252,11 +253,11 @@ def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray])
         where = f" at {with_unit(float(angles[at]), 'rad')}" * (name == "stiffness")
         said.append(Caution(f"a set-point of {shown} is beyond the map of the pair, {most}{where}: {holds}", name))
     start = load.spans(load.initial()._replace(angle=angles[0]), {})
-    for name, unit, spec in stand.muscles():
-        rest = float(getattr(unit.law, "rest_length", unit.law.length_range()[1]))
-        called = f"span of {name} at the first angle, {with_unit(float(angles[0]), 'rad')},"
-        said += span_cautions(float(start[name].span), unit.law, rest, name=called)
-        said += law_cautions(spec, law_name(unit.law))
+    for muscle, held, spec in stand.muscles():
+        rest: Any = getattr(held.law, "rest_length", held.law.length_range()[1])
+        called = f"span of {muscle} at the first angle of {with_unit(float(angles[0]), 'rad')}"
+        said += span_cautions(float(start[muscle].span), held.law, float(rest), name=called)
+        said += law_cautions(spec, law_name(held.law))
     return said
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._jax import Scalar, Tree
-from ..answers import Caution, brief
+from ..answers import Caution, brief, collect
 from ..components import paths
 from ..errors import InputError
 from ..quantities import in_si, random_generator, whole_number
@@ -77,12 +77,6 @@ class SimulationBatch:
         self._parameters = simulation.parameters
         if self._changes:
             self._parameters = np.stack([self._lane(k).parameters for k in range(lanes)], axis=1)
-            flat = [
-                values.reshape(-1, lanes) for values in self._changes.values()
-            ]  # the ends stand for what is between
-            ends = sorted({int(lane) for rows in flat for row in rows for lane in (row.argmin(), row.argmax())})
-            said = (self._lane(k).changed_cautions(self._changes, f" of lane {k}") for k in ends)
-            simulation.caution(*(one for cautions in said for one in cautions), stacklevel=4)
         self.kernel = SampleKernel(simulation.programs, self._parameters, simulation.period, simulation.inner, lanes)
         self._low, self._high = (np.array([[e[k]] for e in simulation.command_entries.values()]) for k in (1, 2))
         self._readouts = simulation.readouts.copy()
@@ -121,6 +115,13 @@ class SimulationBatch:
             raise InputError(path, None, f"must have a value for each of {self.lanes} lanes, got shape {array.shape}")
         stated.check(path, array)
         return array
+
+    def changed_cautions(self) -> tuple[Caution, ...]:
+        """What can hardly be meant of the parameters that differ; the lanes at their ends stand for those between."""
+        flat = [values.reshape(-1, self.lanes) for values in self._changes.values()]
+        ends = sorted({int(lane) for rows in flat for row in rows for lane in (row.argmin(), row.argmax())})
+        said = (self._lane(k).changed_cautions(self._changes, f" of lane {k}") for k in ends)
+        return collect(*(one for cautions in said for one in cautions))
 
     def _lane(self, lane: int) -> SteppedSimulation:
         """The simulation of one lane alone."""
@@ -179,6 +180,7 @@ class SimulationBatch:
             self.kernel.set_command(entries[name][0], array)
         held = self.kernel.commands
         if not ((held >= self._low) & (held <= self._high)).all():  # or one is no number
+            assert self._begin is not None
             before = self._log[-1] if self._log else self._begin.commands
             for name, (place, _, _) in entries.items():
                 self.simulation.check_held(name, held[place], before[place])

@@ -256,6 +256,10 @@ class Estimator:
                 given = [n for n in self.simulation.commands if n not in self.loads]
                 raise InputError("step", name, known=[*given, *self.measured])
         commanded = {name: in_si(value, self._units[name], name) for name, value in commands.items()}
+        for name, number in commanded.items():
+            _, low, high = self.simulation.command_entries[name]
+            if not low <= number <= high:
+                self.simulation.check_command(name, number)
         seen = {name: self._seen(name, values[name]) for name in self.measured if name in values}
         self._load *= math.exp(-self.simulation.period / LASTS)
         self._load += self._walk * self._random.standard_normal(self._load.shape)

@@ -36,6 +36,7 @@ Free = Mapping[str, tuple[Amount, Amount] | None]
 Train = slice | tuple[Amount, Amount] | np.ndarray | None
 
 REST = 1.0  # time that a real machine has rested before its record begins [s]
+LONGEST_REST = 1e3  # [s]; every run of the record goes through it
 STEP = 1e-4  # of the differences, of scaled parameters
 FACTORS = (0.01, 100.0)  # of what an array of numbers is scaled by
 DELAYS = (0.0, 0.5)  # of a sensor [s]
@@ -163,7 +164,10 @@ class _Drive(NamedTuple):
         for name in channels or ():
             if name not in (known := (*simulation.commands, *simulation.programs.fields)):
                 raise InputError("channels", name, known=known)
-        found = {name: _channel(record, [f"{name}.command", name], channels, name) for name in simulation.commands}
+        found = {
+            name: _channel(simulation, record, [f"{name}.command", name], channels, name)
+            for name in simulation.commands
+        }
         driven = {drive.command for drive in simulation.air.drives}
         if not any(found[name] is not None for name in driven):
             raise InputError(
@@ -174,10 +178,11 @@ class _Drive(NamedTuple):
         for name, values in commands.items():
             if not np.isfinite(values).all():
                 raise InputError("record", None, f"{found[name]} must be finite at every sample")
+            simulation.check_held(name, values[1:], values[:-1])
         first = shown is None or bool(shown[0])
         for muscle in simulation.units:
             field = next(name for name, output in simulation.plant.shown if output == f"{muscle}.pressure")
-            sensor = _channel(record, _sensors(simulation, field), channels, field)
+            sensor = _channel(simulation, record, _sensors(simulation, field), channels, field)
             asked = next((c for c, of in simulation.air.settles.items() if of == muscle and c in commands), None)
             if first and sensor is not None and math.isfinite(record[sensor][0]):
                 pressure[muscle] = float(record[sensor][0])
@@ -190,8 +195,8 @@ class _Drive(NamedTuple):
             rest = 0.0 if record.meta.get("first_sample") == 0 and "timing" in record.meta else REST
         else:
             rest = in_si(settle, "s", "settle")
-        if rest < 0.0:
-            raise InputError("settle", None, f"must be 0 s or more, got {rest:g} s")
+        if not 0.0 <= rest <= LONGEST_REST:
+            raise InputError("settle", f"{rest:g} s", f"must be from 0 s to {LONGEST_REST:g} s")
         return cls(rows, pressure, held, round(rest / period))
 
     def predict(
@@ -221,11 +226,18 @@ def _sensors(simulation: SteppedSimulation, field: str) -> list[str]:
     return [f"measured.{field}", field, described(dict(simulation.plant.shown)[field])[1]]
 
 
-def _channel(record: Recording, names: Sequence[str], channels: Mapping[str, str] | None, of: str) -> str | None:
+def _channel(
+    simulation: SteppedSimulation, record: Recording, names: Sequence[str], channels: Mapping[str, str] | None, of: str
+) -> str | None:
     """The channel of a command or a field: as it is stated, or the first of some names; None where there is none."""
     if channels is not None and of in channels:
         if channels[of] not in record.channels:
             raise InputError("channels", channels[of], known=list(record.channels))
+        units = {drive.command: drive.unit for drive in simulation.drives}
+        unit = units.get(of) or described(dict(simulation.plant.shown)[of])[0]
+        has = record.unit(channels[of])
+        if has not in ("", "1", unit):
+            raise InputError(f"channel of {of}", channels[of], f"must be one in {unit}, as {of} is, not in {has}")
         return channels[of]
     return next((name for name in names if name in record.channels), None)
 
@@ -329,7 +341,8 @@ class _Unknowns:
                 bounds = tuple(in_si(one, unit, name) for one in stated)  # type: ignore[assignment]
                 search = search if bounds[0] > 0.0 else "share"
             if not bounds[0] < bounds[1]:
-                raise InputError("free", name, "must have a least value below the largest one")
+                ends = " and ".join(with_unit(end, unit) for end in bounds)
+                raise InputError(f"free {name}", ends, "must be a least value and then a larger one")
             self.parameters[name] = Parameter(min(max(begin, bounds[0]), bounds[1]), *bounds, unit, size, search)
 
     def _free_elements(
@@ -516,12 +529,15 @@ def _compared(
 ) -> dict[str, str]:
     """The channel of each field that is compared: of those asked for, else all that were measured, else all there are."""
     fields = simulation.programs.fields
-    if measured is not None and not measured:
-        raise InputError("measured", None, f"must be one field or more of {', '.join(fields)}")
+    if isinstance(measured, str) or (measured is not None and not measured):
+        problem = f"must be names of one field or more of {', '.join(fields)}, such as ('{fields[0]}',)"
+        raise InputError("measured", repr(measured), problem)
     for name in measured or ():
         if name not in fields:
             raise InputError("measured", name, known=fields)
-    found = {name: _channel(record, _sensors(simulation, name), channels, name) for name in measured or fields}
+    found = {
+        name: _channel(simulation, record, _sensors(simulation, name), channels, name) for name in measured or fields
+    }
     there = {name: channel for name, channel in found.items() if channel is not None}
     for name in measured or ():
         if name not in there:

@@ -470,10 +470,6 @@ class SteppedSimulation(abc.ABC):
         """`check_command` for the values that a command had, each with the one before it."""
 
     @abc.abstractmethod
-    def caution(self, *said: Caution | None, stacklevel: int = 2) -> None:
-        """Keep cautions, and say those that are new."""
-
-    @abc.abstractmethod
     def changed_cautions(self, changes: Iterable[str], of: str = "") -> tuple[Caution, ...]:
         """What can hardly be meant of parameters that were changed."""
 

@@ -339,7 +339,9 @@ class Simulation(SteppedSimulation):
             lanes: how many.
             changes: parameters that differ, by dotted path in `machine` (`mckibben.components.paths`), each (lanes,) [SI].
         """
-        return SimulationBatch(self, lanes, changes or {})
+        batch = SimulationBatch(self, lanes, changes or {})
+        self.caution(*batch.changed_cautions())
+        return batch
 
     def rollout(self, policy: Callable[..., Tree], *, steps: int, cost: Callable[..., Scalar] | None = None) -> Rollout:
         """A run under a policy as a JAX function of the policy's parameters, with its gradient; see `Rollout`.
