@@ -133,12 +133,12 @@ def test_a_number_that_is_declared_while_a_function_is_traced_outlives_the_trace
     made = []
 
     def doubled(x):
-        made.append(as_array(2.0))  # as a field of a module that is kept is
+        made.append(as_array(2.0625))  # as a field of a module that is kept is; of a number that no other test has made
         return made[0] * x
 
     # JAX 0.6 leaves a put in the trace, whose result nothing takes
     assert all(e.primitive.name != "device_put" or str(e.outvars[0]) == "_" for e in jax.make_jaxpr(doubled)(1.0).eqns)
-    assert float(made[0]) == 2.0 and float(jax.jit(lambda x: made[0] + x)(1.0)) == 3.0
+    assert float(made[0]) == 2.0625 and float(jax.jit(lambda x: made[0] + x)(1.0)) == 3.0625
 
 
 @pytest.mark.parametrize(
@@ -219,6 +219,12 @@ def test_arrays_of_jax_stay_what_they_are_and_all_else_becomes_floats():
     for value in (jnp.asarray([1, 2]), np.asarray([1, 2]), [1, 2], jnp.asarray(2.0, jnp.float32)):
         made = as_array(value)
         assert made.dtype == float and made.tolist() == np.asarray(value).tolist()
+
+
+def test_numbers_of_the_same_bits_are_one_array_of_jax_and_no_others():
+    assert as_array(0.375) is as_array(np.float64(0.375)) and as_array(0.375).shape == ()
+    assert np.signbit(as_array(-0.0)) and not np.signbit(as_array(0.0)) and np.isnan(as_array(math.nan))
+    assert as_array(0.375) is not as_array([0.375])
 
 
 @pytest.mark.parametrize(

@@ -161,6 +161,16 @@ def as_array(value: object) -> Array:
     if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
         return value
     number = np.asarray(value, float)
+    return _device_array(number) if number.ndim else _device_number(number.tobytes())
+
+
+@functools.lru_cache(maxsize=4096)
+def _device_number(content: bytes) -> Array:
+    """One array for all numbers of the same bits: JAX takes longer to make it than a kernel to evaluate a law."""
+    return _device_array(np.frombuffer(content).reshape(()))
+
+
+def _device_array(number: np.ndarray) -> Array:
     array: Array = jax.device_put(number)
     if is_traced(array):  # by the function around it
         with jax.ensure_compile_time_eval():

@@ -40,6 +40,22 @@ def test_so_they_are_on_a_phone(visit, path):
     assert wide <= 390, f"the page is {wide} px wide"
 
 
+@pytest.mark.parametrize("path", [p for p in PAGES if p not in LATER])
+def test_no_page_is_wider_than_its_window(visit, path):
+    page = visit(path)
+    settled(page)
+    for width in (1200, 1024, 1000, 800, 761, 760, 390):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.wait_for_timeout(300)  # charts follow their place
+        inside = (
+            "e => e.checkVisibility() && !e.closest('.scroll-x') && e.getBoundingClientRect().right > innerWidth + 1"
+        )
+        out = page.evaluate(
+            f"[...document.querySelectorAll('button, .foot *, .minis *')].filter({inside}).map(e => e.id)"
+        )
+        assert page.evaluate("document.documentElement.scrollWidth") <= width and not out, (width, out)
+
+
 CALLED = """e => e.tagName + ' ' + (
     e.getAttribute('aria-label') || e.textContent.trim() || e.id || e.name).replace('\\u2026', '')"""
 WANTED = """() => [...document.querySelectorAll('button, a[href], input, select, textarea, [tabindex="0"]')].filter(e => {

@@ -230,11 +230,12 @@ def test_escape_stops_a_run_only_where_it_is_seen_and_a_run_is_no_flood_of_words
     assert page.evaluate("window.lab.act('reset')")["ok"]
 
 
+@pytest.mark.parametrize("width", [1440, 390])
 @pytest.mark.parametrize(
-    "path", ["/", "/fit?map=DMSP-20-300&laws=ideal,gas_spring", "/compare", "/energy", "/recordings"]
+    "path", ["/", "/fit?map=DMSP-20-300&laws=ideal,gas_spring", "/compare", "/energy", "/recordings", "/size?lines=no"]
 )
-def test_what_a_page_loads_moves_nothing_that_one_reads_already(visit, path):
-    page = visit(path)
+def test_what_a_page_loads_moves_nothing_that_one_reads_already(visit, path, width):
+    page = visit(path, width=width)
     page.evaluate(
         """() => { window.moved = 0; new PerformanceObserver(list => { for (const e of list.getEntries())
         if (!e.hadRecentInput) window.moved += e.value }).observe({type: 'layout-shift', buffered: true}) }"""

@@ -223,6 +223,27 @@ def test_lost_samples_are_a_gap(tmp_path: Path) -> None:
     assert "0.006 s" in said  # what is allowed
 
 
+def stamped(tmp_path: Path, intervals: list[float]) -> Path:
+    """A record whose first rows have these intervals [ms] and whose others follow every 2 ms."""
+
+    def change(table: list[list[str]]) -> None:
+        steps = [*intervals, *[2.0] * len(table)]
+        for i, row in enumerate(table):
+            row[0] = f"{1e-3 * sum(steps[:i]):.4f}"
+
+    return write(tmp_path / "stamped.csv", change=change)
+
+
+@pytest.mark.parametrize("intervals", [[2.0 * 1.6**k for k in range(20)], [32, 16, 8, 4], [6, 18, 54, 18, 6]])
+def test_intervals_that_grow_and_shrink_by_no_more_than_a_gap_are_none(tmp_path: Path, intervals) -> None:
+    assert len(read_record(stamped(tmp_path, intervals))) == N
+
+
+@pytest.mark.parametrize("intervals", [[2, 2, 8], [2, 8, 8], [8], [2, 2, 40, 4]])
+def test_a_gap_stays_one_beside_another(tmp_path: Path, intervals) -> None:
+    assert f"got {max(intervals) * 1e-3:g} s" in refusal(stamped(tmp_path, intervals))
+
+
 # Cases in which three times the median falls short of the gap in binary; seconds since 1970 resolve 2e-7 s only.
 @pytest.mark.parametrize(("epoch", "milliseconds"), [(0, 3), (0, 7), (1_700_000_000, 1), (1_700_000_000, 4)])
 @pytest.mark.parametrize("at", [1, 2, 3])
