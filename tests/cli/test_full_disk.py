@@ -149,7 +149,6 @@ def test_files_are_written_through_the_two_functions_that_leave_no_half():
         "page/jobs.py",  # into memory
         "batch/store.py",  # into a draft of the whole store, which is renamed
         "calibrate/verbs.py",  # examples of docstrings
-        "formats/crate.py",  # into a temporary folder, which is packed by write_whole
         "web/server.py",  # what opens the browser: a file of the session's own
     }
 
