@@ -18,7 +18,7 @@ def page():
     """A page's line to a workspace that notes what is asked of it; what it is told is in `page.sent`."""
     workspace = SimpleNamespace(
         server="this", asked=[], drawn=[], gates=[], version=0, control=SimpleNamespace(join=str, leave=str),
-        shown=lambda *of: workspace.drawn.append(of),
+        note_drawn=lambda *of: workspace.drawn.append(of),
     )  # fmt: skip
 
     def act(page, action, words):
