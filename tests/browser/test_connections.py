@@ -9,10 +9,10 @@ import socket
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from loops import completed
 from screen_server import Served
 
 from mckibben.web import guard
@@ -157,12 +157,6 @@ class App:
                 break
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b"done"})
-
-
-def completed(work):
-    """What a coroutine returns; in a separate thread, for a loop of the browser's may run in this one."""
-    with ThreadPoolExecutor(1) as one:
-        return one.submit(asyncio.run, work).result(60.0)
 
 
 def answered(parts, path="/figure", app=None):

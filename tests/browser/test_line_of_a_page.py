@@ -7,6 +7,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from loops import completed
 
 from mckibben.errors import InputError
 from mckibben.web import guard
@@ -50,7 +51,7 @@ def hear(line, *messages, answers=0):
         await asyncio.sleep(0.01)
         heard.cancel()
 
-    asyncio.run(asyncio.wait_for(go(), 10.0))
+    completed(asyncio.wait_for(go(), 30.0))
 
 
 @pytest.mark.parametrize(
@@ -121,7 +122,7 @@ def test_a_page_is_told_what_is_new_and_nothing_twice(page):
 
     def told():
         page.sent.clear()
-        asyncio.run(page._new(machine, stream))
+        completed(page._new(machine, stream))
         return [one["type"] for one in page.sent]
 
     assert told() == ["part", "epoch", "toasts", "status"] and not page._moving

@@ -7,10 +7,10 @@ import os
 import socket
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from loops import completed
 
 from mckibben.bench.protocol_run import RunState
 from mckibben.bench.rig_file import rig
@@ -38,16 +38,6 @@ def unpacked(frame):
     _, epoch, first, n, m = HEAD.unpack_from(frame)
     values = np.frombuffer(frame, "<f4", n * m, HEAD.size).reshape(m, n)
     return epoch, first, dict(zip(CHANNELS, values, strict=False))
-
-
-def completed(work):
-    """What a coroutine returns; in a separate thread, for a loop of the browser's may run in this one."""
-
-    async def run():
-        return await work
-
-    with ThreadPoolExecutor(1) as one:
-        return one.submit(lambda: asyncio.run(run())).result(30.0)
 
 
 class Clock:
@@ -558,7 +548,7 @@ def test_what_a_page_draws_after_it_wanted_a_stop_lets_the_machine_go_no_further
             assert may_stop.wait(10.0)
             return {"ok": True, "said": "vented"}
 
-        def shown(self, page, epoch, samples):
+        def note_drawn(self, page, epoch, samples):
             told.append(samples)
 
     async def go():

@@ -129,9 +129,9 @@ def test_every_format_opens_and_says_what_it_shows(printed, tmp_path):
     title = "Nylon shell muscle of Chou and"
     svg, pdf, png = ((tmp_path / f"map.{ending}").read_bytes() for ending in ("svg", "pdf", "png"))
     assert b"<text" in svg and b"<dc:creator>mckibben" in svg and title.encode() in svg
-    assert pdf.startswith(b"%PDF") and b"mckibben 0" in pdf and b"CreationDate" not in pdf
+    assert pdf.startswith(b"%PDF") and f"mckibben {mk.__version__}".encode() in pdf and b"CreationDate" not in pdf
     assert b"/FontFile2" in pdf or b"/CIDFontType2" in pdf  # type 42: outlines are in the file
-    assert png.startswith(b"\x89PNG") and b"mckibben 0" in png
+    assert png.startswith(b"\x89PNG") and f"mckibben {mk.__version__}".encode() in png
     with pytest.raises(InputError, match=r"ends in \.svg or \.pdf or \.png"):
         mk.save_figure(fig, tmp_path / "map.jpg")
 
