@@ -28,7 +28,7 @@ import numpy as np
 import mckibben as mk
 import mckibben_hosts.gymnasium
 from mckibben.quantities import with_unit
-from mckibben_hosts.gymnasium.tasks import PERIOD
+from mckibben_hosts.gymnasium import PERIOD
 
 LANES, STEPS = 128, 50  # samples of an iteration: 128 lanes of a quarter of an episode
 QUARTERS = 4  # of an episode

@@ -46,9 +46,6 @@ Tree: TypeAlias = (
 )
 
 _waiting: list[Callable[[], None]] | None = []  # what is to be done when JAX is loaded; None as soon as it is
-# Types of JAX's values, none until it is loaded: asked tens of thousands of times an answer, too often for a lazy module.
-_tracers: tuple[type, ...] = ()
-_arrays: tuple[type, ...] = ()
 
 
 def is_loaded() -> bool:
@@ -75,12 +72,12 @@ def when_loaded(action: Callable[[], None]) -> None:
 
 def is_traced(value: object) -> bool:
     """Whether a value is one of JAX's tracers, which stand for numbers while a function is traced."""
-    return isinstance(value, _tracers)
+    return _waiting is None and isinstance(value, jax.core.Tracer)
 
 
 def is_jax_array(value: object) -> bool:
     """Whether a value is an array of JAX, a tracer included."""
-    return isinstance(value, _arrays)
+    return _waiting is None and isinstance(value, jax.Array)
 
 
 # Functions and names of `jax.numpy` that NumPy has with the same bits, for arrays of at least 64 bits.
@@ -187,10 +184,8 @@ def _no_search_for_rocm() -> Iterator[None]:
 
 
 def _configure() -> None:
-    global _waiting, _tracers, _arrays
-    loaded = sys.modules["jax"]
-    loaded.config.update("jax_enable_x64", True)
-    _tracers, _arrays = (loaded.core.Tracer,), (loaded.Array,)
+    global _waiting
+    sys.modules["jax"].config.update("jax_enable_x64", True)
     actions, _waiting = _waiting or [], None
     for action in actions:
         action()

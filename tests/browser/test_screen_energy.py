@@ -116,7 +116,7 @@ def test_a_specimen_file_of_ones_own_has_the_numbers_of_the_command(visit, braid
 @pytest.mark.slow
 def test_choices_stand_in_the_link_and_a_link_brings_them_back(visit, until):
     page = open_page(visit)
-    page.click("text=Isotonic >> nth=0")
+    page.click("text=Isotonic >> visible=true >> nth=0")
     page.get_by_role("group", name="Friction").get_by_text("None").click()
     page.focus(".supply input[type=range]")
     page.keyboard.press("Shift+ArrowRight")  # ten steps of 0.1 bar

@@ -17,9 +17,9 @@ from mckibben.extras import library
 gymnasium = library("gymnasium", "These environments need")
 
 from .environments import MuscleEnv, MuscleVectorEnv  # noqa: E402
-from .tasks import TASKS, Task  # noqa: E402
+from .tasks import PERIOD, TASKS, Task  # noqa: E402
 
-__all__ = ["TASKS", "MuscleEnv", "MuscleVectorEnv", "Task"]
+__all__ = ["PERIOD", "TASKS", "MuscleEnv", "MuscleVectorEnv", "Task"]
 
 for _id, _task in TASKS.items():
     if _id not in gymnasium.registry:
