@@ -8,6 +8,7 @@ and, as PTX, for GPUs.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,10 @@ def native_code(source: PartSource) -> str:
     members = [_struct(header, f"{name}_{group}") for group in GROUPS]
     members.append(f"enum {{ {name.upper()}_SYNCHRONOUS = 0, {name.upper()}_STAGGERED = 1 }};")
     helpers = re.findall(r"^static inline .*?^\}", code, flags=re.S | re.M)
-    steps = [_function(code, f"{name}_{function}") for function in FUNCTIONS]
+    constants = {
+        table: text for text, table in re.findall(r"^static (const \w+ (\w+)\[\d+\] = .*?;)", code, flags=re.S | re.M)
+    }
+    steps = [_with_constants(_function(code, f"{name}_{function}"), constants) for function in FUNCTIONS]
     members += [
         re.sub(r"^(?:static )?(?:inline )?", "CUDA_CALLABLE static inline ", text) for text in (*helpers, *steps)
     ]
@@ -106,6 +110,12 @@ def _function(code: str, name: str) -> str:
     )
     assert found is not None
     return found[0].replace("static ", "", 1) if found[0].startswith("static ") else found[0]
+
+
+def _with_constants(function: str, constants: Mapping[str, str]) -> str:
+    """A function that holds the tables it reads itself: a struct within a function can have no constants of its own."""
+    used = [text for name, text in constants.items() if re.search(rf"\b{name}\b", function)]
+    return function.replace("{\n", "\n".join(["{", *used, ""]), 1)
 
 
 HEAD = '''"""TITLE, for MuJoCo Warp and Newton; made by mckibben VERSION.

@@ -7,6 +7,7 @@ import atexit
 import importlib.util
 import shutil
 import tempfile
+import warnings
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
@@ -49,7 +50,7 @@ def exported_module(part: Part) -> ModuleType:
         return _modules[part.fingerprint]
     folder = Path(tempfile.mkdtemp(prefix="mckibben-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    (path,) = export_warp(c_source(part, f"conform_{part.fingerprint[:8]}"), folder)
+    path, *_ = export_warp(c_source(part, f"conform_{part.fingerprint[:8]}"), folder)
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -171,7 +172,9 @@ class _NewtonMechanism(_DeviceMechanism):
         model = builder.finalize(device=DEVICE)
         self._solver = newton.solvers.SolverFeatherstone(model, angular_damping=0.0)
         arms, spans, parameters = map(dict, (mechanism.arms, mechanism.spans, scenario.parameters))
-        self.drive = self.module.newton_drive(1, arms=arms, spans=spans, device=DEVICE, parameters=parameters)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # a scenario may begin elsewhere than at angle zero
+            self.drive = self.module.newton_drive(1, arms=arms, spans=spans, device=DEVICE, parameters=parameters)
         joints = warp.zeros(len(arms), dtype=warp.uint32, device=DEVICE)  # all muscles are at one joint
         self._actuator = newton.actuators.Actuator(joints, self.drive)
         self._state, self._after, self._control = model.state(), model.state(), model.control()
