@@ -1,9 +1,12 @@
 """A learned residual: a potential beside a law, which yields nothing in a closed cycle and fades outside of its data."""
 
+import copy
 import ctypes
 import dataclasses
+import pickle
 import shutil
 import subprocess
+import warnings
 
 import numpy as np
 import pytest
@@ -11,7 +14,9 @@ import pytest
 import lanewise
 import mckibben as mk
 from mckibben.errors import InputError
+from mckibben.muscles.braid import braid_of
 from mckibben.muscles.learned import LearnedResidual
+from mckibben.quantities import declared
 from mckibben.specimens import save_specimen
 
 LENGTHS, PRESSURES = (0.115, 0.135), (1e5, 5e5)
@@ -34,6 +39,31 @@ def test_weights_of_zero_leave_the_law_as_it_is():
     for ask in ("tension", "volume", "stiffness", "passive_tension"):
         given = (length,) if ask == "passive_tension" else (length, pressure)
         np.testing.assert_allclose(getattr(none, ask)(*given), getattr(LAW, ask)(*given), **ROUNDING)
+
+
+def test_weights_of_zero_leave_what_the_law_says_of_itself():
+    # what the house asks of a law beyond tension and volume: bore, threshold, braid, and its like with other numbers
+    for name in ("DMSP-20-300", "SM20", "festo-10mm", "nylon"):
+        law = mk.muscle(name).law
+        none = LearnedResidual.beside(law, lengths=(0.1, 0.15), pressures=PRESSURES)
+        for field in declared(law).keys() | {"rest_length"}:
+            if hasattr(law, field):
+                assert getattr(none, field) == getattr(law, field), field
+        assert braid_of(none) == braid_of(law)
+        changed = {"thread_strain": 0.02} | ({"stop_stiffness": 0.0} if hasattr(law, "stop_stiffness") else {})
+        other = none.replace(**changed)
+        assert other.thread_strain == 0.02 and other.of == law.replace(
+            **{k: v for k, v in changed.items() if "stop" in k}
+        )
+        assert not hasattr(none, "nothing") and pickle.loads(pickle.dumps(copy.deepcopy(none))) == none
+        spec = dataclasses.replace(mk.specimen(name), residual=none.group())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of the laws' errors
+            cycles = [mk.energy(one, pressure="3 bar").to_dataframe() for one in (spec, name)]
+        for column in cycles[0].select_dtypes("number"):
+            np.testing.assert_allclose(
+                cycles[0][column], cycles[1][column], rtol=1e-9, atol=1e-9
+            )  # a search ends at a root
 
 
 @pytest.mark.parametrize("order", [(1, 1), (2, 5), (6, 3)])

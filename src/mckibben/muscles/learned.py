@@ -15,8 +15,9 @@ the basis are this project's.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -159,10 +160,16 @@ class LearnedResidual(TensionLaw):
         """Whether the law knows its volume."""
         return self.of.has_volume()
 
-    @property
-    def rest_length(self) -> Scalar:
-        """That of the law, where it states one [m]."""
-        return self.of.rest_length  # type: ignore[attr-defined,no-any-return]
+    def __getattr__(self, name: str) -> Any:
+        """What else the law says of itself, such as its rest length, bore and threshold."""
+        if name.startswith("_") or "of" not in vars(self):  # of an object that is still made, or copied
+            raise AttributeError(name)
+        return getattr(self.of, name)
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with other numbers, those of the law among them."""
+        of_law = {name: changes.pop(name) for name in changes.keys() - {one.name for one in dataclasses.fields(self)}}
+        return super().replace(**changes, **({"of": self.of.replace(**of_law)} if of_law else {}))
 
 
 def _basis(x: Scalar, count: int) -> list[Scalar]:
