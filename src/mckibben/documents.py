@@ -331,6 +331,9 @@ def locked(path: Path) -> Iterator[bool]:
     """Lock a file against other processes and threads, and say whether that worked; nobody waits.
 
     The system frees the lock of a process that dies. The file stays, since another process may be about to lock it.
+
+    Raises:
+        OSError: the folder cannot be written to, or its file system has no locks.
     """
     with open(path, "a+b") as file:
         held = True
@@ -343,7 +346,7 @@ def locked(path: Path) -> Iterator[bool]:
                 import fcntl
 
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except (BlockingIOError, PermissionError):
             held = False
         yield held
 

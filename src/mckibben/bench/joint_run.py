@@ -24,6 +24,7 @@ from ..documents import JsonValue
 from ..engine import STEP, sampled
 from ..engine.native import call_compiled
 from ..errors import InputError
+from ..muscles.build import rest_length_of
 from ..muscles.evidence import about_laws, law_cautions
 from ..muscles.law import law_name
 from ..muscles.plausible import reached_cautions, span_cautions
@@ -254,9 +255,8 @@ def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray])
         said.append(Caution(f"a set-point of {shown} is beyond the map of the pair, {most}{where}: {holds}", name))
     start = load.spans(load.initial()._replace(angle=angles[0]), {})
     for muscle, held, spec in stand.muscles():
-        rest: Any = getattr(held.law, "rest_length", held.law.length_range()[1])
         called = f"span of {muscle} at the first angle of {with_unit(float(angles[0]), 'rad')}"
-        said += span_cautions(float(start[muscle].span), held.law, float(rest), name=called)
+        said += span_cautions(float(start[muscle].span), held.law, rest_length_of(spec, held.law), name=called)
         said += law_cautions(spec, law_name(held.law))
     return said
 

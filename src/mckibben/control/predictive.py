@@ -20,10 +20,8 @@ from .inverse import Inverse
 from .task import ControlTask
 
 MOVE_WEIGHTS = {"m": 1e-3 / 1e5, "rad": 0.03 / 1e5}  # [unit/Pa]
-HOLDS, STANDS = (
-    {"m": 1e-6, "rad": 2e-5},
-    {"m": 2e-6, "rad": 4e-5},
-)  # changes that count: of a reference, of a plan [unit]
+HOLDS = {"m": 1e-6, "rad": 2e-5}  # change of a reference up to which it holds [unit]
+STANDS = {"m": 2e-6, "rad": 4e-5}  # foreseen error up to which a plan stands [unit]
 
 
 class PredictiveControl:

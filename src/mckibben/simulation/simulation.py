@@ -135,7 +135,6 @@ class Simulation(SteppedSimulation):
         self.programs = Programs(self.plant, example, self.commands)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        self.command_entries = self._entries()
         self._said = SaidCommands()
         self.cautions: tuple[Caution, ...] = ()
         self.caution(*said, stacklevel=3)
@@ -558,7 +557,8 @@ class Simulation(SteppedSimulation):
             self.check_command(name, number)
             self._buffer[place] = number
 
-    def _entries(self) -> dict[str, tuple[int, float, float]]:
+    @functools.cached_property
+    def command_entries(self) -> dict[str, tuple[int, float, float]]:
         """Of each command its place, and between which values there is nothing to say; `check_command` has the rest."""
         drives = ((self._drive(name), self._specimen_of(name)) for name in self.commands)
         limits = (drive.silent(spec, reach=self._reach(drive)) for drive, spec in drives)
@@ -670,7 +670,7 @@ class Simulation(SteppedSimulation):
         self.plant = self.plant.replace(machine=machine)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
         self._kernel = SampleKernel(self.programs, self.parameters, self.period, self.inner)
-        self.command_entries = self._entries()
+        self.__dict__.pop("command_entries", None)  # the supply may be another
         self._attach()
         self._rests, self._begin, self._log, self._sensed = {}, None, [], []
 

@@ -158,9 +158,7 @@ class SaidCommands(dict[tuple[str, int], float]):
 
     @staticmethod
     def _side(value: float, high: float) -> int:
-        return (
-            1 if value > high else -1 if value < 0.0 else 0
-        )  # of those that are too small, the smaller is farther out
+        return 1 if value > high else -1 if value < 0.0 else 0  # the last: too small, where the smaller is farther out
 
 
 class CommandedMachine(Plant):
