@@ -429,7 +429,6 @@ class SteppedSimulation(abc.ABC):
     plant: CommandedMachine
     drives: tuple[CommandInput, ...]
     commands: tuple[str, ...]
-    command_entries: dict[str, tuple[int, float, float]]
     Observation: Any
     noise: np.ndarray | None
     readouts: ReadoutLines
@@ -460,6 +459,11 @@ class SteppedSimulation(abc.ABC):
     @abc.abstractmethod
     def save_state(self) -> SimulationState:
         """The present moment."""
+
+    @property
+    @abc.abstractmethod
+    def command_entries(self) -> dict[str, tuple[int, float, float]]:
+        """Of each command its place, and between which values there is nothing to say; `check_command` has the rest."""
 
     @abc.abstractmethod
     def check_command(self, name: str, value: float, *, lasting: bool = False) -> None:

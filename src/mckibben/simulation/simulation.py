@@ -559,7 +559,7 @@ class Simulation(SteppedSimulation):
 
     @functools.cached_property
     def command_entries(self) -> dict[str, tuple[int, float, float]]:
-        """Of each command its place, and between which values there is nothing to say; `check_command` has the rest."""
+        """As of a `SteppedSimulation`."""
         drives = ((self._drive(name), self._specimen_of(name)) for name in self.commands)
         limits = (drive.silent(spec, reach=self._reach(drive)) for drive, spec in drives)
         return {name: (place, *pair) for place, (name, pair) in enumerate(zip(self.commands, limits, strict=True))}
