@@ -108,7 +108,7 @@ def train(
                 break
             layers = jax.tree.map(np.asarray, changed)
             seconds += time.monotonic() - began  # without looking at what was learned
-            errors, *_ = ppo.evaluate(name, lambda shown, now=layers: act(now, shown), SEEN)
+            errors = ppo.evaluate(name, lambda shown, now=layers: act(now, shown), SEEN).error
             curve.append((iteration * LANES * task.samples, seconds, float(errors.mean())))
             if iteration % 10 == 0:
                 print(
@@ -155,19 +155,17 @@ def main(
     for name in tasks:
         print(f"{name}, by gradient:")
         layers, curve = train(name, iterations, seed, rate, limit_episodes=limit_episodes)
-        errors, _, unit = ppo.evaluate(name, lambda shown, now=layers: act(now, shown))
-        still, *_ = ppo.evaluate(name, lambda shown, width=layers[-1][1].size: np.zeros((len(shown), width)))
-        shut[name] = float(still.mean()), unit
-        print(
-            f"  mean error over 256 new episodes {errors.mean():.4g} {unit}; with valves shut {still.mean():.4g} {unit}"
-        )
+        found = ppo.evaluate(name, lambda shown, now=layers: act(now, shown))
+        still = ppo.evaluate(name, lambda shown, width=layers[-1][1].size: np.zeros((len(shown), width)))
+        error, unit, shut[name] = found.error.mean(), found.unit, (float(still.error.mean()), still.unit)
+        print(f"  mean error over 256 new episodes {error:.4g} {unit}; with valves shut {shut[name][0]:.4g} {unit}")
         curves[name] = {"gradient": curve}
         if with_ppo:
             print(f"{name}, by PPO:")
             parameters, curve = ppo.train(name, 150, seed)
             middle = jax.jit(lambda shown, policy=parameters["policy"]: ppo.network(policy, shown))
-            errors, *_ = ppo.evaluate(name, middle)
-            print(f"  mean error over 256 new episodes {errors.mean():.4g} {unit}")
+            error = ppo.evaluate(name, middle).error.mean()
+            print(f"  mean error over 256 new episodes {error:.4g} {unit}")
             curves[name]["PPO"] = curve
     draw(curves, shut, folder)
 

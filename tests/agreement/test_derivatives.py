@@ -17,7 +17,7 @@ from mckibben.recordings import ForceMap
 
 
 def _laws_examples() -> ModuleType:
-    path = Path(__file__).parents[1] / "laws" / "examples.py"
+    path = Path(__file__).parents[1] / "laws" / "law_examples.py"
     spec = importlib.util.spec_from_file_location("laws_examples", path)
     assert spec is not None and spec.loader is not None  # noqa: PT018
     module = importlib.util.module_from_spec(spec)

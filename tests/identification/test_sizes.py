@@ -15,7 +15,7 @@ from mckibben.quantities import declared
 from mckibben.recordings import ForceMap
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "laws"))
-from examples import example  # noqa: E402
+from law_examples import example  # noqa: E402
 
 FITTED = [name for name in LAWS if law_type(name).fitted]
 # Eight parameters of 28 points trade against each other: the tension is met to this share of the largest, no parameter is.

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import machines
 import numpy as np
 import pytest
-from examples import SEATED, examples
+from law_examples import SEATED, examples
 
 import mckibben as mk
 from mckibben.assembly.build import unit_from_muscle

@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from examples import DRAWS, SEATED, SHIPPED, examples, muscle_like
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from law_examples import DRAWS, SEATED, SHIPPED, examples, muscle_like
 
 from mckibben.muscles.check import evaluate, polygon, snaps, threshold_levels, unilateral, works
 from mckibben.muscles.law import TensionLaw, law_name

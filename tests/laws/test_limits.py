@@ -6,7 +6,7 @@ The closed forms are written here a second time, in NumPy and with trigonometry,
 import jax
 import numpy as np
 import pytest
-from examples import example, examples
+from law_examples import example, examples
 
 from mckibben.muscles import braid
 from mckibben.muscles.build import build_law

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from examples import example, examples
+from law_examples import example, examples
 
 from mckibben import muscle
 from mckibben.components.flow import GasState

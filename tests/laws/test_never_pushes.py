@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from examples import SEATED, SHIPPED, example, examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from law_examples import SEATED, SHIPPED, example, examples
 
 from mckibben.muscles.build import construct
 from mckibben.muscles.check import POINTS, evaluate, pressures, thread_length

@@ -39,6 +39,20 @@ const operations = {
   call: (name, ...given) => calls.get(name)?.(...given)
 }
 
+// What is pressed must not move before it is let go: leaving a field takes its message away, and a click falls on what then lies there.
+const PRESS = 400 // ms that a click takes at most; a drag goes on beside what changes
+let pressed = 0; const late = []
+function carryOut (todo) {
+  if (pressed) { late.push(...todo); return }
+  for (const [name, ...given] of todo) operations[name](...given)
+}
+function letGo () {
+  clearTimeout(pressed); pressed = 0
+  carryOut(late.splice(0))
+}
+addEventListener('pointerdown', () => { clearTimeout(pressed); pressed = setTimeout(letGo, PRESS) }, true)
+for (const name of ['pointerup', 'pointercancel']) addEventListener(name, () => { if (pressed) setTimeout(letGo) }, true) // the click comes first
+
 // ---------------------------------------------------------------- line
 const KEY = document.body.dataset.document
 const UNKNOWN = 4404 // the server has no such document any more
@@ -55,7 +69,7 @@ function connect () {
     const message = JSON.parse(data)
     if (message.reload) { location.reload(); return }
     seen = message.n
-    for (const [name, ...given] of message.do) operations[name](...given)
+    carryOut(message.do)
   }
   line.onclose = closed => {
     if (closed.code === UNKNOWN) { location.reload(); return }
