@@ -19,7 +19,7 @@ USUAL_SIZES: dict[str, tuple[float, float, float]] = {
 }  # fmt: skip
 MORE_UNITS = {
     "rad/s": ("rpm",), "Pa": ("psi",), "N": ("kN", "mN"), "rad": ("deg",), "s": ("h", "day"), "m/s^2": ("cm/s^2",),
-    "1/s": ("1/min",), "kg*m^2": ("g*cm^2", "kg*cm^2", "g*m^2"),
+    "1/s": ("1/min",), "Pa/m": ("bar/mm",), "Pa/(m*s)": ("bar/(mm*s)",), "kg*m^2": ("g*cm^2", "kg*cm^2", "g*m^2"),
 }  # fmt: skip
 
 
@@ -54,6 +54,13 @@ def size_caution(
         f"{article} {name} of {text} can hardly be meant: {_short(low, si_unit)} to {_short(high, si_unit)} are usual"
     )
     return Caution(said + likely_unit(number, si_unit, units, low, high, min(max(typical, low), high)), name)
+
+
+def noise_caution(value: object, si_unit: str, *, of: str) -> Caution | None:
+    """Caution about noise of a sensor that is larger than what it is of; arguments as of `size_caution`."""
+    if si_unit not in USUAL_SIZES:
+        return None
+    return size_caution(value, si_unit, name=f"noise of {of}", usual=(0.0, USUAL_SIZES[si_unit][1]))
 
 
 def _short(value: float, si_unit: str) -> str:

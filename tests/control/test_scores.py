@@ -81,7 +81,7 @@ def test_a_class_of_ones_own_enters_by_its_file(tmp_path, monkeypatch):
         ({"reference": "R9"}, "Unknown reference 'R9'"),
         ({"reference": "R3"}, "reference must be one of R1, R2, R4, which B1 can follow"),
         ({"duration": "1 s"}, "duration must be above 2 s"),
-        ({"plants": -1}, "plants must be 0 or more"),
+        ({"plants": -1}, "plants must be a whole number from 0"),
         ({"controller": Unfinished}, "must have reset"),
     ],
 )

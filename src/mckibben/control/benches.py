@@ -34,9 +34,9 @@ from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.muscle import muscle
 from ..pneumatics.orifice import Orifice
 from ..pneumatics.valves import PressureRegulator
-from ..quantities import random_generator
+from ..quantities import random_generator, whole_number
 from ..simulation import Air, Joint, Simulation, Spring
-from ..simulation.mechanisms import Mechanism
+from ..simulation.mechanisms import Mechanism, in_si
 from ..simulation.readouts import Readout
 from .task import ControlTask
 
@@ -60,6 +60,8 @@ PUBLISHED = {
     "LQI": (0.235, 2.145, 0.56, 0.058, 386.0),
     "LQI with velocity": (0.276, 2.148, math.nan, math.nan, math.nan),
 }
+
+KINDS: dict[str, Callable[..., Hysteresis]] = {"maxwell": MaxwellSlip, "bouc-wen": BoucWen, "dahl": Dahl}
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,17 @@ class Plant:
     dead_time: float = 0.03
     supply: float = 7e5
 
+    def __post_init__(self) -> None:
+        if self.friction not in KINDS:
+            raise InputError("friction", self.friction, known=KINDS)
+        for one in dataclasses.fields(self):
+            if one.name not in ("name", "law", "friction"):
+                unit = {"dead_time": "s", "supply": "Pa"}.get(one.name, "1")
+                number = in_si(getattr(self, one.name), unit, one.name)
+                if number < 0.0:
+                    raise InputError(one.name, number, f"must be zero or more [{unit}]")
+                object.__setattr__(self, one.name, number)
+
     def muscle(self) -> Muscle:
         """The muscle with its friction and creep."""
         # a law that does not know its volume has that of the law which does
@@ -116,8 +129,7 @@ class Plant:
         if self.friction != "maxwell":  # one contact, of all the force
             forces, travels = np.asarray(np.sum(forces)), np.asarray(self.travel * ONE_TRAVEL)
         limit = FrictionLimit(constant=forces / (1.0 + GOES), per_pressure=forces * GOES / (1.0 + GOES) / RATE)
-        kinds: dict[str, Callable[..., Hysteresis]] = {"maxwell": MaxwellSlip, "bouc-wen": BoucWen, "dahl": Dahl}
-        return kinds[self.friction](limit=limit, stiffness=forces / travels)
+        return KINDS[self.friction](limit=limit, stiffness=forces / travels)
 
     def air(self) -> Air:
         """Supply and regulators, each on its muscle."""
@@ -151,7 +163,7 @@ def unseen_plants(count: int = UNSEEN, seed: int = DRAWN) -> list[Plant]:
         return math.exp(size * float(random.uniform(-1.0, 1.0)))
 
     made = []
-    for k in range(count):
+    for k in range(whole_number(count, "count")):
         law, friction = (("sarosi", "hyperelastic_braid")[k % 2], ("bouc-wen", "dahl")[k // 2 % 2])
         made.append(
             Plant(

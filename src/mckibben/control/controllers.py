@@ -14,10 +14,9 @@ import numpy as np
 from .._jax import Scalar, Tree, jnp
 from .inverse import Inverse, advance_inverse
 from .steps import Outputs, RestingIntegral, Sample, StepControl, clip, shape
-from .task import ControlTask
+from .task import RANGES, Amount, ControlTask, TaskControl
 
 SHAPED_TO = 80e-3 / 27e-3  # usual rate of shaped references, in ranges of the output per second [1/s]
-RANGES = {"m": 27e-3, "rad": 0.6}  # usual ranges of outputs [unit]
 RESTS = 0.3  # for which an integral rests after a shaped reference lags behind what is wanted [s]
 FILLING = 0.1  # for which it rests after a command was at a limit: dead time, and the filling of the muscle [s]
 
@@ -47,17 +46,15 @@ class PID(StepControl):
         self,
         task: ControlTask,
         *,
-        proportional: float | None = None,
-        integral: float | None = None,
-        derivative: float | None = None,
-        velocity_lag: float = 0.02,
+        proportional: Amount | None = None,
+        integral: Amount | None = None,
+        derivative: Amount | None = None,
+        velocity_lag: Amount = 0.02,
     ) -> None:
-        stated = (proportional, integral, derivative)
-        gains = (own if one is None else one for one, own in zip(stated, PID_GAINS[task.unit], strict=True))
-        names = ("proportional", "integral", "derivative")
-        self.task, self._inverse = task, Inverse(task, memory=False)
-        parameters = dict(zip(names, gains, strict=True)) | {"velocity_lag": velocity_lag} | clock(task)
-        self._compile(_pid_step, (), parameters)
+        gains = {"proportional": proportional, "integral": integral, "derivative": derivative}
+        numbers = self._take(task, PID_GAINS, **gains, velocity_lag=velocity_lag)
+        self._inverse = Inverse(task, memory=False)
+        self._compile(_pid_step, (), numbers | clock(task))
 
     def begin(self, output: float) -> PIDState:
         """The state at rest, with the number by which the model holds this output."""
@@ -88,10 +85,9 @@ class FeedForward(NamedTuple):
     memory: Tree
 
     @classmethod
-    def parameters(cls, task: ControlTask, inverse: Inverse, lead: float, rate: float | None) -> dict[str, Any]:
+    def parameters(cls, task: ControlTask, inverse: Inverse, lead: float, rate: float) -> dict[str, Any]:
         """Parameters of `advance`: parts of the model, lead [s], rate of the shaped reference [unit/s], and the clock's."""
         units, load = inverse.parts
-        rate = SHAPED_TO * RANGES[task.unit] if rate is None else rate
         more = {"rests": round(RESTS / task.period), "filling": round(FILLING / task.period)}
         output = {"zero": task.zero, "sign": task.sign, "most": rate * task.period, "lead": lead}
         return {"units": units, "load": load} | output | {k: float(v) for k, v in more.items()} | clock(task)
@@ -149,18 +145,17 @@ class InverseControl(StepControl):
         *,
         memory: bool = True,
         feedback: bool = True,
-        lead: float | None = None,
-        ahead: float = 0.04,
-        proportional: float | None = None,
-        integral: float | None = None,
-        rate: float | None = None,
+        lead: Amount | None = None,
+        ahead: Amount = 0.04,
+        proportional: Amount | None = None,
+        integral: Amount | None = None,
+        rate: Amount | None = None,
     ) -> None:
-        kp, ki = PI_GAINS[task.unit]
-        self.task, self.preview = task, round(ahead / task.period)
-        self._inverse = Inverse(task, memory=memory)
-        parameters = FeedForward.parameters(task, self._inverse, LEADS[task.unit] if lead is None else lead, rate)
-        parameters["proportional"] = kp if proportional is None else proportional
-        parameters["integral"] = ki if integral is None else integral
+        gains = {"proportional": proportional, "integral": integral}
+        numbers = self._take(task, USUAL, memory=memory, feedback=feedback, lead=lead, ahead=ahead, rate=rate, **gains)
+        self.preview, self._inverse = round(numbers["ahead"] / task.period), Inverse(task, memory=memory)
+        parameters = FeedForward.parameters(task, self._inverse, numbers["lead"], numbers["rate"])
+        parameters |= {name: numbers[name] for name in gains}
         self._compile(_inverse_step, (self._inverse.actuators, feedback), parameters)
 
     def begin(self, output: float) -> InverseState:
@@ -181,7 +176,7 @@ def _inverse_step(
     return InverseState(ahead, state.integral.add(error, rests, p["period"])), Outputs(acting)
 
 
-class IterativeLearning:
+class IterativeLearning(TaskControl):
     """Goes through the reference again and again, and corrects the command by the errors that were later.
 
         v_j+1(t) = filter(v_j(t) + gain e_j(t + ahead)),   u = static inverse + v
@@ -199,11 +194,17 @@ class IterativeLearning:
     preview = 0
 
     def __init__(
-        self, task: ControlTask, *, repeats: int = 9, gain: float | None = None, ahead: float = 0.1, width: float = 0.05
+        self,
+        task: ControlTask,
+        *,
+        repeats: int = 9,
+        gain: Amount | None = None,
+        ahead: Amount = 0.1,
+        width: Amount = 0.05,
     ) -> None:
-        self.task, self.repeats = task, repeats
-        self.gain = LEARNING_GAINS[task.unit] if gain is None else gain
-        self.late, self.half = round(ahead / task.period), round(0.5 * width / task.period)
+        numbers = self._take(task, USUAL, repeats=repeats, gain=gain, ahead=ahead, width=width)
+        self.repeats, self.gain = numbers["repeats"], numbers["gain"]
+        self.late, self.half = round(numbers["ahead"] / task.period), round(0.5 * numbers["width"] / task.period)
         self._base = InverseControl(task, memory=False, feedback=False)
         self.preview = self._base.preview
         self._correction: np.ndarray | None = None
@@ -236,7 +237,13 @@ class IterativeLearning:
         self._correction = np.convolve(np.pad(raw, self.half, "edge"), kernel, "valid")
 
 
-PID_GAINS = {"m": (3.0e7, 2.0e8, 0.0), "rad": (8.0e5, 8.0e6, 0.0)}
-LEADS = {"m": 0.09, "rad": 0.06}
-PI_GAINS = {"m": (1.4e7, 2.0e8), "rad": (4.0e5, 4.0e6)}
-LEARNING_GAINS = {"m": 0.6e7, "rad": 2.0e5}
+# Numbers that are used where none are stated, by the unit of the output.
+PID_GAINS = {
+    "proportional": {"m": 3.0e7, "rad": 8.0e5}, "integral": {"m": 2.0e8, "rad": 8.0e6},
+    "derivative": dict.fromkeys(RANGES, 0.0),
+}  # fmt: skip
+USUAL = {
+    "proportional": {"m": 1.4e7, "rad": 4.0e5}, "integral": {"m": 2.0e8, "rad": 4.0e6}, "lead": {"m": 0.09, "rad": 0.06},
+    "gain": {"m": 0.6e7, "rad": 2.0e5}, "rate": {unit: SHAPED_TO * size for unit, size in RANGES.items()},
+    "weight": {"m": 1e-3 / 1e5, "rad": 0.03 / 1e5},
+}  # fmt: skip

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar, jnp
-from .controllers import FeedForward
+from .controllers import USUAL, FeedForward
 from .inverse import Inverse
 from .steps import Outputs, RestingIntegral, Sample, StepControl, clip
-from .task import ControlTask
+from .task import SETTINGS, Amount, ControlTask, Setting
 
 AMPLITUDE = 1e4  # of the commands of the linear model [Pa]
 MIDDLE, SETTLES = 0.4, 2.0  # where it is linearised, in the range of the command, and after which time [s]
@@ -45,24 +45,32 @@ class LQI(StepControl):
         integral: weight of the integral against the error [1/s].
         lead: of the feed-forward [s].
         ahead: by which the reference is looked up [s].
+        rate: of the shaped reference [m/s].
 
     Raises:
         InputError: another task.
     """
+
+    settings = SETTINGS | {"integral": Setting("1/s", (0.5, 1e3), zero=False)}
 
     def __init__(
         self,
         task: ControlTask,
         *,
         memory: bool = False,
-        effort: float = 2e-8,
-        integral: float = 20.0,
-        lead: float = 0.09,
-        ahead: float = 0.04,
+        effort: Amount = 2e-8,
+        integral: Amount = 20.0,
+        lead: Amount | None = None,
+        ahead: Amount = 0.04,
+        rate: Amount | None = None,
     ) -> None:
         from scipy.linalg import solve_discrete_are
 
-        self.task, self.preview, sim = task.of_one_muscle(), round(ahead / task.period), task.model
+        numbers = self._take(
+            task, USUAL, memory=memory, effort=effort, integral=integral, lead=lead, ahead=ahead, rate=rate
+        )
+        effort, integral = numbers["effort"], numbers["integral"]
+        self.preview, sim = round(numbers["ahead"] / task.period), task.of_one_muscle().model
         self._inverse = Inverse(task, memory=memory)
         sim.reset()
         for _ in range(round(SETTLES / task.period)):
@@ -81,7 +89,7 @@ class LQI(StepControl):
         place = self.model.states.index("load.position")
         drawn[place, place] += POSITION**2
         spread = solve_discrete_are(A.T, C.T, drawn, noise)
-        parameters = FeedForward.parameters(task, self._inverse, lead, None) | {
+        parameters = FeedForward.parameters(task, self._inverse, numbers["lead"], numbers["rate"]) | {
             "A": A, "B": B[:, 0], "C": C, "gain": gain[:-1], "integral": float(gain[-1]),
             "filter": spread @ C.T @ np.linalg.inv(C @ spread @ C.T + noise),
         }  # fmt: skip

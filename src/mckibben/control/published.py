@@ -14,8 +14,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..errors import InputError
 from .benches import VOLT
-from .task import ControlTask
+from .task import ControlTask, TaskControl
 
 MILLI, BAR = 1e-3, 1e5
 BANDS = {"feedforward": 0.575 * MILLI, "pid": 0.575 * MILLI, "lqi": 0.14 * MILLI}  # dead bands [m]
@@ -25,7 +26,7 @@ CREEP, AFTER, SLOPE, LAG = 0.192, 0.31, 19, 0.85  # share of a step up; [s]; sam
 SWEEP = 30.0  # of a lookup [s]
 
 
-class PublishedControl:
+class PublishedControl(TaskControl):
     """A published controller, on lookups of the model.
 
     Args:
@@ -33,12 +34,15 @@ class PublishedControl:
         kind: of the controller.
 
     Raises:
-        InputError: another task.
+        InputError: another task, or a kind that was not published.
     """
 
     preview = 0
 
     def __init__(self, task: ControlTask, *, kind: Literal["feedforward", "pid", "lqi"] = "lqi") -> None:
+        if kind not in BANDS:
+            raise InputError("kind", kind, known=BANDS)
+        self._take(task, {})
         self.task, self.kind = task.of_one_muscle(), kind
         (low, high), sim = task.limits, task.model
         sim.reset()

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import InputError
+from ..quantities import whole_number, with_unit
+from ..simulation.mechanisms import Amount, in_si
+
+MOST = 1e7  # samples of a reference; more are a slip of units
 SKIPPED = 2.0  # at the beginning of a reference, in which nothing is scored [s]
 PUBLISHED_STROKES = 3.82e-3, 26.68e-3  # [m]
 HOLD = 2.0  # of the staircase [s]
@@ -32,10 +37,20 @@ class Reference:
     course: Callable[[np.ndarray], np.ndarray]
     hold: float = 0.0
 
-    def samples(self, period: float, preview: int = 0, duration: float | None = None) -> np.ndarray:
-        """Wanted outputs at the samples and `preview` ones beyond the end, shape (samples + preview,)."""
-        count = round((duration or self.duration) / period)
-        return self.course(period * np.arange(count + preview))
+    def samples(self, period: Amount, preview: int = 0, duration: Amount | None = None) -> np.ndarray:
+        """Wanted outputs at the samples and `preview` ones beyond the end, shape (samples + preview,).
+
+        Raises:
+            InputError: a period or duration [s, or words with a unit] in which there is no sample, or more than 10 million.
+        """
+        step, lasts = (
+            in_si(period, "s", "period"),
+            in_si(self.duration if duration is None else duration, "s", "duration"),
+        )
+        if not (step > 0.0 and 0.5 <= lasts / step <= MOST):
+            problem = f"must be above zero and the duration, {lasts:g} s, a sample or more, {MOST:.0e} at most"
+            raise InputError("period", with_unit(step, "s"), problem)
+        return self.course(step * np.arange(round(lasts / step) + whole_number(preview, "preview")))
 
 
 def _staircase(time: np.ndarray) -> np.ndarray:

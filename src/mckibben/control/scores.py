@@ -21,6 +21,7 @@ from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.evidence import interval_remarks, law_error
+from ..quantities import whole_number
 from ..registry import is_reference, load_reference, named_by_person
 from ..simulation import Simulation
 from ..specimens import muscle_specimen
@@ -313,8 +314,7 @@ def score(
     """
     stand = find_bench(bench)
     course = _reference(stand, reference)
-    if plants < 0:
-        raise InputError("plants", plants, "must be 0 or more")
+    plants = whole_number(plants, "plants")
     seconds = course.duration if duration is None else float(duration)
     if not SKIPPED < seconds <= course.duration:
         problem = f"must be above {SKIPPED:g} s, in which nothing is scored, and {course.duration:g} s at most"
@@ -324,14 +324,15 @@ def score(
     known = VARIED | {one.name: one for one in (unseen_plants(plants) if plants else [])}
     total, done = len(makers) * len(known), 0
     results: dict[str, dict[str, ControlRun]] = {name: {} for name in makers}
+    said: list[Caution] = []
     for plant in known.values():
         machine = stand.simulation(plant)
         for name, make in makers.items():
             if progress is not None:
                 progress(done, total)
-            results[name][plant.name] = run_controller(
-                _made(make, task, name), machine, task, course, seed=seed, duration=seconds
-            )
+            made = _made(make, task, name)
+            said += getattr(made, "cautions", ())  # of those that ship, perhaps with one's own numbers
+            results[name][plant.name] = run_controller(made, machine, task, course, seed=seed, duration=seconds)
             done += 1
     scores = {name: {plant: run.score for plant, run in runs.items()} for name, runs in results.items()}
     few = f"{seconds:g} s of {course.name} are few holds; the printed numbers are of 450"
@@ -343,7 +344,7 @@ def score(
         {name: {p: s for p, s in one.items() if p not in VARIED} for name, one in scores.items()},
         {name: {p: s for p, s in one.items() if p in VARIED} for name, one in scores.items()},
         {name: _median_run(runs) for name, runs in results.items()},
-        collect(Caution(few, "duration") if course.hold and seconds < 10 * HOLD else None),
+        collect(Caution(few, "duration") if course.hold and seconds < 10 * HOLD else None, *said),
     )
 
 
@@ -378,6 +379,8 @@ def _makers(controller: Any) -> dict[str, Callable[[ControlTask], Controller]]:
             makers[name] = CONTROLLERS[name]
         else:
             raise InputError("controller", name, known=CONTROLLERS)
+    if not makers:
+        raise InputError("controller", None, f"must be one name or more of {', '.join(CONTROLLERS)}")
     return makers
 
 

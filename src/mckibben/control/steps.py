@@ -24,7 +24,7 @@ from ..components.module import flatten
 from ..components.programs import lower_or_load
 from ..engine.native import as_package_errors
 from ..engine.packed import Layout, compile_once
-from .task import ControlTask
+from .task import TaskControl
 
 Step = Callable[..., tuple[Tree, Tree]]
 MEANINGS = {
@@ -49,15 +49,13 @@ class Outputs(NamedTuple):
     number: Scalar
 
 
-class StepControl(abc.ABC):
+class StepControl(TaskControl, abc.ABC):
     """A controller of one pure step, whose memory is a state.
 
     Attributes:
-        task: what is driven.
         preview: samples of the reference ahead, see `Controller`.
     """
 
-    task: ControlTask
     preview: int
 
     @abc.abstractmethod
@@ -160,7 +158,7 @@ class RestingIntegral(NamedTuple):
     value: Scalar
     rests: Scalar
 
-    def add(self, error: Scalar, rests: Scalar, period: Scalar) -> RestingIntegral:
-        """Take in the error of a sample, unless it rests, or has to for some samples from now on."""
-        rests = jnp.maximum(self.rests - 1.0, rests)
-        return RestingIntegral(jnp.where(rests <= 0.0, self.value + error * period, self.value), rests)
+    def add(self, error: Scalar, rests: Scalar, period: Scalar, xp: Any = jnp) -> RestingIntegral:
+        """Take in the error of a sample, unless it rests, or has to for some samples from now on; by JAX or by NumPy."""
+        rests = xp.maximum(self.rests - 1.0, rests)
+        return RestingIntegral(xp.where(rests <= 0.0, self.value + error * period, self.value), rests)

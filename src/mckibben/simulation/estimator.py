@@ -21,14 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from ..answers import Caution, brief, collect
+from ..answers import Caution, brief, collect, warn
 from ..assembly.linearise import state_names
 from ..components import paths
 from ..errors import ConvergenceError, InputError
 from ..estimation import NORMAL_QUANTILE, Estimate
 from ..muscles.evidence import make_spread
 from ..muscles.plausible import LEAST_GAUGE
-from ..quantities import declared, parse, random_generator, with_unit
+from ..quantities import declared, parse, random_generator, usual_units, with_unit
+from ..slips import MORE_UNITS, likely_unit, noise_caution, size_caution
 from .batch import SimulationBatch
 from .fit import find_parameters
 from .kernel import SteppedSimulation
@@ -49,6 +50,10 @@ BEGIN = 0.3  # share of its standard deviation that a load has at the start, whe
 SETTLE = 0.5  # in which the lanes come to rest, each under its own load [s]
 FLOW = 1e-3  # of a chamber's mass, by which the simulated flow is off in a second: it keeps the lanes apart [1]
 DRIFT = 0.1  # of their spread, by which the lanes' muscles go on to differ in a second
+LOADED = (1e-4, 10.0)  # sizes of an unknown load that are usual, as shares of the tension at 5 bar
+# What a sensor shows is far from all lanes beyond so many deviations of what they show; read in another unit it is near
+# within this factor.
+FAR, NEAR = 30.0, 2.0
 FEWEST = 8  # lanes of which a spread can be told
 
 
@@ -112,6 +117,7 @@ class Estimator:
             stated = (noise or {}).get(name)
             own = 0.0 if simulation.noise is None else float(simulation.noise[fields.index(name)])
             self.noise[name] = own if stated is None else in_si(stated, units[name], f"noise of {name}")
+            said += collect(None if stated is None else noise_caution(stated, units[name], of=name))
             if self.noise[name] < 0.0:
                 raise InputError("noise", name, "must be a standard deviation above zero")
             if not self.noise[name] > 0.0:
@@ -122,11 +128,12 @@ class Estimator:
                     )
                 )
         self._units = units | {drive.command: drive.unit for drive in simulation.drives}
-        self.loads = self._loads(unknown)
+        self.loads = self._loads(unknown, said)
         self.spread = (
             self._muscles(said) if spread is None else {_number(simulation, p): _share(v, p) for p, v in spread.items()}
         )
         self.cautions = collect(*said)
+        self._told: set[str] = set()
         self._base = np.repeat(simulation.parameters[:, None], lanes, axis=1)
         # rows of the parameters in what a kernel takes: those that a change of theirs moves
         self._rows, self._values = [], np.array([float(paths.get(simulation.machine, path)) for path in self.spread])
@@ -152,7 +159,7 @@ class Estimator:
             f"Estimator({self.lanes} lanes of {self.simulation!r}; measured: {known}; unknown: {', '.join(self.loads)})"
         )
 
-    def _loads(self, unknown: Sequence[str] | Mapping[str, Amount]) -> dict[str, float]:
+    def _loads(self, unknown: Sequence[str] | Mapping[str, Amount], said: list[Caution]) -> dict[str, float]:
         """Standard deviation of each unknown load [SI]."""
         simulation = self.simulation
         drives = {d.command: d.unit for d in simulation.system.drives(simulation.units) if d.unit in LOADS}
@@ -166,10 +173,14 @@ class Estimator:
                 if one not in drives:
                     raise InputError("unknown", one, known=["load", *drives])
                 stated = unknown[name] if isinstance(unknown, Mapping) else None
-                usual = LOAD * max(map(self._pull, simulation.units)) * (1.0 if drives[one] == "N" else ARM)
-                loads[one] = usual if stated is None else in_si(stated, drives[one], f"size of {one}")
+                pull = max(map(self._pull, simulation.units)) * (1.0 if drives[one] == "N" else ARM)
+                loads[one] = LOAD * pull if stated is None else in_si(stated, drives[one], f"size of {one}")
                 if not loads[one] > 0.0:
                     raise InputError("unknown", one, "must have a standard deviation above zero")
+                ends = LOADED[0] * pull, LOADED[1] * pull
+                said += collect(
+                    size_caution(loads[one] if stated is None else stated, drives[one], name=one, usual=ends)
+                )
         return loads
 
     def _pull(self, muscle: str) -> float:
@@ -318,6 +329,18 @@ class Estimator:
             masses[: self.lanes] *= begin[row] / pressures * warmer.get(name, 1.0)
             pressures[:] = begin[row]
 
+    def _slipped(self, name: str, value: float, shown: float) -> None:
+        """Say once of a sensor that what it showed is what the lanes show in another unit [SI]."""
+        unit, near = self._units[name], abs(shown)
+        units = (*usual_units(unit), *MORE_UNITS.get(unit, ()))
+        meant = likely_unit(f"{value:g}", unit, units, near / NEAR, near * NEAR, near) if near else ""
+        if meant and name not in self._told:
+            self._told.add(name)
+            words = f"{name} of {value:g} {unit} is far from what the lanes show, {with_unit(shown, unit)}{meant}"
+            said = Caution(f"a measured {words}", name)
+            self.cautions = collect(*self.cautions, said)
+            warn((said,), stacklevel=4)
+
     def _put_parameters(self) -> None:
         """Give the lanes their parameters, within the bounds with which these are declared."""
         np.clip(self._parameters, *self._bounds, out=self._parameters)
@@ -332,6 +355,8 @@ class Estimator:
             mean = shown.mean()
             apart = shown - mean
             whole = apart @ apart / (self.lanes - 1) + variance
+            if (value - mean) ** 2 > FAR**2 * whole:
+                self._slipped(self.measured[k], value, mean)
             # each lane goes less far than the mean, so that their spread is what is left to know
             moves = (value - mean - apart / (1.0 + math.sqrt(variance / whole))) / whole
             gain = apart / (self.lanes - 1)

@@ -26,6 +26,7 @@ from ..errors import ConvergenceError, InputError
 from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude
 from ..quantities import Quantity, named_values, whole_number, with_unit
 from ..recordings.recording import Recording
+from ..slips import likely_unit
 from .batch import SimulationBatch
 from .kernel import SteppedSimulation
 from .mechanisms import Amount, in_si
@@ -42,6 +43,7 @@ FACTORS = (0.01, 100.0)  # of what an array of numbers is scaled by
 DELAYS = (0.0, 0.5)  # of a sensor [s]
 PRIOR = 0.1  # by which a weight of a table is held at zero, over its size and the noise
 LOST = 1e3  # stands for an error of a lane that cannot go on, over the spread of its field
+BEYOND = 2.0  # of its duration, behind which an end is said to be beyond a record
 LOOSE = 1.0  # half an interval of this share of a parameter says little about it
 LEAST = 1e-6  # share of a field's spread below which its error is rounding
 SAME_CLOCK = 1e-3  # share of a period by which a clock may be off
@@ -271,6 +273,18 @@ def _samples_of(train: Train, time: np.ndarray) -> np.ndarray:
     return mask
 
 
+def _beyond(train: Train, time: np.ndarray) -> tuple[Caution, ...]:
+    """What is said of times that end long after the record."""
+    lasts = float(time[-1] - time[0])
+    if not isinstance(train, tuple) or in_si(train[1], "s", "train") <= BEYOND * lasts:
+        return ()
+    end = train[1] if isinstance(train[1], str) else f"{float(train[1]):g} s"
+    meant = likely_unit(end, "s", ("ms", "us"), 0.01 * lasts, BEYOND * lasts, lasts)
+    return (
+        Caution(f"train ends at {end}, and the record at {with_unit(lasts, 's')}: all of it is shown{meant}", "train"),
+    )
+
+
 def find_parameters(machine: Machine, name: str, argument: str, others: Sequence[str] = ()) -> list[str]:
     """Where a parameter is in a machine: its path, the end of one, or a pattern with ``*`` for many.
 
@@ -496,7 +510,7 @@ def fit(
         series=[values / comparison.weights[name] for name, values in off.items()],
         within=True,
     )
-    said = [Caution(warning) for warning in known.warnings]
+    said = [*_beyond(train, record.time), *(Caution(warning) for warning in known.warnings)]
     said += [Caution(f"{name} ended at a bound", name) for name in at_bounds(parameters, best.x)]
     for (name, q), half in zip(parameters.items(), known.half, strict=True):
         if half > LOOSE and q.search == "log":

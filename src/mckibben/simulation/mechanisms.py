@@ -68,6 +68,16 @@ def in_si(value: Amount, unit: str, field: str) -> float:
     return number
 
 
+def ends_in_si(pair: Any, unit: str, field: str) -> tuple[float, float]:
+    """The smallest and the largest value of a range in an SI unit; raises `InputError` where it is none."""
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        raise InputError(field, str(pair), "must be a pair, the smallest and the largest value")
+    low, high = (in_si(one, unit, field) for one in pair)
+    if not low < high:
+        raise InputError(field, str(pair), "must be the smallest and then the largest value")
+    return low, high
+
+
 def muscle_unit(muscle: AnyMuscle, field: str = "muscle", tendon: TendonOption = None) -> MuscleUnit:
     """A muscle from whatever names it: tied to its anchors, or with a tendon.
 

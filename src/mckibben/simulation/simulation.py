@@ -32,7 +32,7 @@ from ..errors import InputError
 from ..muscles.plausible import BEYOND, parameter_caution, span_cautions, start_pressure_caution
 from ..quantities import named_values, random_generator, with_unit
 from ..recordings.recording import Recording
-from ..slips import USUAL_SIZES, size_caution
+from ..slips import noise_caution, size_caution
 from ..specimens import Specimen
 from .air import AirCircuit, air_circuit
 from .batch import SimulationBatch
@@ -40,7 +40,7 @@ from .estimator import LANES, Estimator
 from .fit import Free, SimulationFit, Train, fit
 from .kernel import Programs, SampleKernel, SteppedSimulation
 from .linear import SampledModel, linearise
-from .mechanisms import Amount, Mechanism, StartPressure, in_si, published
+from .mechanisms import Amount, Mechanism, StartPressure, ends_in_si, in_si, published
 from .readouts import Readout, ReadoutLines
 from .recorded import described, record
 from .rollout import Rollout
@@ -127,8 +127,8 @@ class Simulation(SteppedSimulation):
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
         self.noise = self._checked_noise(noise or {})
-        said += self._noise_cautions(noise or {})
         units_of = {name: described(output)[0] for name, output in self.plant.shown}
+        said += [noise_caution(float(size), units_of[name], of=name) for name, size in (noise or {}).items()]
         self.readouts = ReadoutLines(readouts or {}, units_of, self.period)
         self.depth = self._depth()
         example = self._carry(self._start_pressures, self.start_commands())
@@ -534,15 +534,6 @@ class Simulation(SteppedSimulation):
                 raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
         return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
 
-    def _noise_cautions(self, noise: Mapping[str, float]) -> list[Caution | None]:
-        """Cautions about noise that is larger than what it is of."""
-        units = {name: described(output)[0] for name, output in self.plant.shown}
-        typical = {name: USUAL_SIZES[units[name]][1] for name in noise if units[name] in USUAL_SIZES}
-        return [
-            size_caution(float(noise[name]), units[name], name=f"noise of {name}", usual=(0.0, size))
-            for name, size in typical.items()
-        ]
-
     def _unit(self, command: str) -> str:
         return self._drive(command).unit
 
@@ -694,12 +685,7 @@ def _limited(drives: tuple[CommandInput, ...], limits: Mapping[str, tuple[Amount
     for name, pair in named_values(limits, "limits").items():
         if name not in units:
             raise InputError("limits", name, known=units)
-        if not isinstance(pair, tuple | list) or len(pair) != 2:
-            raise InputError(f"limits of {name}", str(pair), "must be a pair, the smallest and the largest value")
-        low, high = (in_si(one, units[name], f"limits of {name}") for one in pair)
-        if not low < high:
-            raise InputError(f"limits of {name}", str(pair), "must be the smallest and then the largest value")
-        held[name] = low, high
+        held[name] = ends_in_si(pair, units[name], f"limits of {name}")
     return tuple(d._replace(limits=held.get(d.command)) for d in drives)
 
 
