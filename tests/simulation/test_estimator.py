@@ -152,3 +152,34 @@ def test_a_value_that_cannot_be_is_refused_before_a_lane_moves(values, said):
     fresh = machine().estimator(lanes=8)
     fresh.reset()
     assert observer.step(pressure="0.2 bar").mean == fresh.step(pressure=2e4).mean  # the same bits
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"noise": {"pressure": "3e5 bar"}}, "a noise of pressure of 3e5 bar can hardly be meant"),
+        ({"unknown": {"force": "5e6 N"}}, "a force of 5e6 N can hardly be meant"),
+        ({"unknown": {"force": "5 mN"}}, "a force of 5 mN can hardly be meant"),
+    ],
+)
+def test_a_size_that_can_hardly_be_meant_is_said(options, sentence):
+    stated = {"unknown": {"force": "25 N"}, "noise": {"pressure": "6 mbar"}, "spread": {}} | options
+    with pytest.warns(mk.errors.PlausibilityWarning, match=sentence):
+        observer = machine().estimator(lanes=8, **stated)
+    assert sentence in str(observer.cautions)
+
+
+@pytest.mark.parametrize(("shown", "meant"), [(2.3, "2.3 bar"), (230.0, "230 kPa")])
+def test_a_reading_that_another_unit_would_bring_to_the_lanes_is_said_once(shown, meant):
+    """The filter would take it for a muscle without pressure, or find no lane that has it."""
+    observer = machine().estimator(unknown={"force": "25 N"}, noise={"pressure": NOISE}, spread={}, lanes=16)
+    observer.reset(pressure="2.3 bar")
+    for off in (0.0, NOISE, 6.0 * NOISE):
+        observer.step(muscle=0.0, pressure=2.3e5 + off)
+    assert observer.cautions == ()
+    with pytest.warns(mk.errors.PlausibilityWarning, match=f"was {meant} meant") as said:
+        for _ in range(2):
+            observer.reset(pressure="2.3 bar")
+            observer.step(pressure=shown)
+    assert len(said) == 1
+    assert [one.parameter for one in observer.cautions] == ["pressure"]

@@ -217,3 +217,12 @@ def test_a_record_of_another_clock_or_without_commands_is_refused():
         bench().fit(record(), {"load.mass": ("3 kg", "1 kg")})
     with pytest.raises(InputError, match="two samples"):
         bench().fit(record(), {"load.mass": None}, train=slice(0, 1))
+
+
+@pytest.mark.parametrize(("end", "words"), [(600, "was 600 ms meant"), ("600 s", "was 600 ms meant"), ("1 s", None)])
+def test_a_train_that_ends_long_after_its_record_is_said(end, words):
+    """All is shown then, and nothing is left to tell how far the numbers carry."""
+    shown = record(samples=60)  # 0.6 s; of twice its length nothing is said
+    found = bench().fit(shown, {"load.mass": None}, train=(0, end), evaluations=3)
+    said = [str(one) for one in found.cautions if one.parameter == "train"]
+    assert (words in said[0]) if words else said == []

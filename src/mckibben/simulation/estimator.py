@@ -102,7 +102,7 @@ class Estimator:
         noise: Mapping[str, Amount] | None,
         lanes: int,
     ) -> None:
-        fields, said = simulation.programs.fields, list[Caution]()
+        fields, said, slips = simulation.programs.fields, list[Caution](), list[Caution | None]()
         if isinstance(measured, str) or not measured:
             raise InputError("measured", str(measured), "must be names of fields, such as ('pressure',)")
         units = {name: described(output)[0] for name, output in simulation.plant.shown}
@@ -117,7 +117,7 @@ class Estimator:
             stated = (noise or {}).get(name)
             own = 0.0 if simulation.noise is None else float(simulation.noise[fields.index(name)])
             self.noise[name] = own if stated is None else in_si(stated, units[name], f"noise of {name}")
-            said += collect(None if stated is None else noise_caution(stated, units[name], of=name))
+            slips.append(None if stated is None else noise_caution(stated, units[name], of=name))
             if self.noise[name] < 0.0:
                 raise InputError("noise", name, "must be a standard deviation above zero")
             if not self.noise[name] > 0.0:
@@ -128,11 +128,12 @@ class Estimator:
                     )
                 )
         self._units = units | {drive.command: drive.unit for drive in simulation.drives}
-        self.loads = self._loads(unknown, said)
+        self.loads = self._loads(unknown, slips)
         self.spread = (
             self._muscles(said) if spread is None else {_number(simulation, p): _share(v, p) for p, v in spread.items()}
         )
-        self.cautions = collect(*said)
+        self.cautions = collect(*said, *slips)
+        warn(collect(*slips), stacklevel=3)
         self._told: set[str] = set()
         self._base = np.repeat(simulation.parameters[:, None], lanes, axis=1)
         # rows of the parameters in what a kernel takes: those that a change of theirs moves
@@ -159,7 +160,7 @@ class Estimator:
             f"Estimator({self.lanes} lanes of {self.simulation!r}; measured: {known}; unknown: {', '.join(self.loads)})"
         )
 
-    def _loads(self, unknown: Sequence[str] | Mapping[str, Amount], said: list[Caution]) -> dict[str, float]:
+    def _loads(self, unknown: Sequence[str] | Mapping[str, Amount], said: list[Caution | None]) -> dict[str, float]:
         """Standard deviation of each unknown load [SI]."""
         simulation = self.simulation
         drives = {d.command: d.unit for d in simulation.system.drives(simulation.units) if d.unit in LOADS}
@@ -178,9 +179,7 @@ class Estimator:
                 if not loads[one] > 0.0:
                     raise InputError("unknown", one, "must have a standard deviation above zero")
                 ends = LOADED[0] * pull, LOADED[1] * pull
-                said += collect(
-                    size_caution(loads[one] if stated is None else stated, drives[one], name=one, usual=ends)
-                )
+                said.append(size_caution(loads[one] if stated is None else stated, drives[one], name=one, usual=ends))
         return loads
 
     def _pull(self, muscle: str) -> float:
@@ -332,7 +331,7 @@ class Estimator:
     def _slipped(self, name: str, value: float, shown: float) -> None:
         """Say once of a sensor that what it showed is what the lanes show in another unit [SI]."""
         unit, near = self._units[name], abs(shown)
-        units = (*usual_units(unit), *MORE_UNITS.get(unit, ()))
+        units = (*usual_units(unit)[1:], *MORE_UNITS.get(unit, ()))
         meant = likely_unit(f"{value:g}", unit, units, near / NEAR, near * NEAR, near) if near else ""
         if meant and name not in self._told:
             self._told.add(name)
