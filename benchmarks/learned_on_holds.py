@@ -84,9 +84,10 @@ def positions(x: jax.Array, pressures: np.ndarray, slow: bool, order: tuple[int,
     return lengths[len(PIECES) - 1 :: len(PIECES)][len(pressures) :]
 
 
-def fitted(model: Callable[[Any], Any], prior: np.ndarray, true: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """Length at the end of all holds after a fit to those that are shown [m]."""
-    lengths, slopes = jax.jit(model), jax.jit(jax.jacfwd(model))
+def fitted(
+    lengths: Callable[[Any], Any], slopes: Callable[[Any], Any], prior: np.ndarray, true: np.ndarray, shown: np.ndarray
+) -> np.ndarray:
+    """Length at the end of all holds after a fit to those that are shown [m]; slopes are those of the lengths."""
     end = descend(
         lambda x: np.concatenate([1e3 * (np.asarray(lengths(x)) - true)[shown], prior * x]),
         np.zeros(len(prior)),
@@ -113,7 +114,8 @@ def main() -> None:
         physical = np.full(5 + (len(SLOW) if slow else 1), RESERVE)
         prior = np.concatenate([physical, np.full(int(np.prod(order)), held)])
         model = functools.partial(positions, pressures=record.inputs["pressure"], slow=slow, order=order)
-        off = 1e3 * (fitted(model, prior, poisoned, shown) - true)
+        lengths, slopes = jax.jit(model), jax.jit(jax.jacfwd(model))
+        off = 1e3 * (fitted(lengths, slopes, prior, poisoned, shown) - true)
         rms = (float(np.sqrt(np.mean(off[some] ** 2))) for some in (shown, hidden))
         print(f"{words}: {', '.join(f'{one:.3f}' for one in rms)} mm", flush=True)
 
