@@ -239,12 +239,12 @@ class Scenario:
 
 
 @functools.cache
-def single_part(muscle: str = "nylon") -> Part:
-    """A muscle, by its id or file, with a pressure at which it carries about 4 kg at the start."""
+def single_part() -> Part:
+    """The nylon muscle with a pressure at which it carries about 4 kg at the start."""
     air = Air(supply=SUPPLY)
-    empty = Part(muscle, air, span=START)
+    empty = Part("nylon", air, span=START)
     carries = float(empty.hosted.muscles["muscle"].law.pressure_for(MASS * GRAVITY, START))
-    return Part(muscle, air, span=START, pressure=carries, title=f"{Path(muscle).stem} muscle of the scenarios")
+    return Part("nylon", air, span=START, pressure=carries, title="nylon muscle of the scenarios")
 
 
 @functools.cache
