@@ -3,7 +3,7 @@
 PHYSICS_TESTS = {
     "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py laws/test_never_pushes.py "
     "literature/test_force_maps.py",
-    "muscles/hysteresis/": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
+    "muscles/hysteresis/": "test_registry.py laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
     "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
     "muscles/law.py": "laws/test_refusals_of_physics.py muscles/test_pressure_law.py laws/test_one_potential.py "
     "laws/test_beyond_the_range.py laws/test_inverse.py laws/test_limits.py",
