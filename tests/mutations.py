@@ -236,7 +236,7 @@ def _tested(tests: list[str], tree: Path, said: Path, plugin: Callable[[Any], An
     os.dup2(descriptor, 2)
     own = [str(tree / "src"), *(str(path) for path in (tree / "packages").glob("*/src"))]
     sys.path[:0], os.environ["PYTHONPATH"] = own, os.pathsep.join(own)
-    words = "-x -n 0 -s --tb=line -rE -p no:cacheprovider -W ignore::pytest.PytestAssertRewriteWarning -m".split()
+    words = "-x -n 0 -s --tb=line -rE -W ignore::pytest.PytestAssertRewriteWarning -m".split()
     try:
         return int(
             pytest.main([*words, "not slow", *dict.fromkeys(test.partition("::")[0] for test in tests)], [plugin(of)])
