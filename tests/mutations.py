@@ -1,14 +1,18 @@
 """Single mutations drawn by a seed, each against the tests beside it: `python tests/mutations.py SEED`.
 
 A mutation is drawn before anybody looks at it: a room, a function of it, a kind of mutation, and its place. It is made in a
-copy of the sources, so that the working tree stays as it is. One that changes nothing that can be observed is left out
-by its number (`--leave-out`), and one more is drawn in its place: say which and why.
+copy of the sources, so that the working tree stays as it is. Only tests that reach the function run, quick files and quick
+tests first, up to the first that fails; which these are is known where all of a file has run (`REACHED`). A mutation
+that changes nothing that can be observed is left out by its number (`--leave-out`), and one more is drawn in its place: say
+which and why.
 """
 
 import argparse
 import ast
 import contextlib
+import hashlib
 import itertools
+import json
 import os
 import random
 import re
@@ -17,9 +21,12 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import CodeType, FrameType
 from typing import Any, NamedTuple
 
 import hypothesis  # noqa: F401  of the tests, as are the next ones
@@ -28,13 +35,15 @@ import pytest
 import scipy.optimize  # noqa: F401
 import scipy.stats  # noqa: F401
 
-from mutations_beside import GUARDS_TESTS, PHYSICS_TESTS, SOFTWARE_TESTS
+from mutations_beside import ROOMS
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ROOT / "src" / "mckibben"
-ROOMS = {"physics": PHYSICS_TESTS, "software": SOFTWARE_TESTS, "guards": GUARDS_TESTS}
-SHARES = ("physics", "software", "guards", "physics", "software", "guards", "physics")  # of a round, in turn
-LIMIT, MOST = 60.0, 150.0  # for a file of tests, and for all those of a mutation [s of processor time]
+SHARES = ("physics", "software", "guards", "hosts", "hardware", "studies", "physics")  # of a round, in turn
+REACHED = (
+    ROOT / ".pytest_cache" / "reached"
+)  # one file for each file of tests as it is now, a line for each of its tests
+MOST = 100  # for a file of tests [s of processor time]
+SURVIVED = "SURVIVED"
 TURNED: dict[type, str] = {
     ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
     ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
@@ -48,6 +57,7 @@ class Mutation(NamedTuple):
     room: str
     file: str  # below the root
     line: int
+    function: str
     kind: str
     start: int  # bytes of the source that are replaced
     end: int
@@ -129,32 +139,35 @@ def mutations(room: str, file: str, tests: tuple[str, ...]) -> list[dict[str, li
         kinds: dict[str, list[Mutation]] = {}
         for node in _nodes(function):
             for kind, part, new in _changes(node, source):
-                kinds.setdefault(kind, []).append(Mutation(room, file, part.lineno, kind, *place(part), new, tests))
+                kinds.setdefault(kind, []).append(
+                    Mutation(room, file, part.lineno, function.name, kind, *place(part), new, tests)
+                )
         if kinds:
             functions.append(kinds)
     return functions
 
 
 def draw(seed: int, count: int, rooms: tuple[str, ...] = SHARES) -> list[Mutation]:
-    """Draw mutations, no two in one function."""
-    chance = random.Random(seed)
+    """Draw mutations, no two in one function; those of a room are the same beside other rooms."""
     pools = {
         room: [
             kinds
-            for place, tests in ROOMS[room].items()
-            for file in (sorted((SOURCES / place).rglob("*.py")) if place.endswith("/") else [SOURCES / place])
+            for place, tests in beside.items()
+            for file in (sorted((ROOT / home / place).rglob("*.py")) if place.endswith("/") else [ROOT / home / place])
             for kinds in mutations(
-                room, file.relative_to(ROOT).as_posix(), tuple(f"tests/{test}" for test in tests.split())
+                room, file.relative_to(ROOT).as_posix(), tuple(f"{tested}/{test}" for test in tests.split())
             )
         ]
-        for room in sorted(set(rooms))
+        for room, (home, tested, beside) in ROOMS.items()
     }
-    for pool in pools.values():
-        chance.shuffle(pool)
+    chances = {room: random.Random(f"{seed} {room}") for room in ROOMS}
+    for room, pool in pools.items():
+        chances[room].shuffle(pool)
     drawn = []
     for number in range(count):
-        kinds = pools[rooms[number % len(rooms)]].pop()
-        drawn.append(chance.choice(kinds[chance.choice(sorted(kinds))]))
+        room = rooms[number % len(rooms)]
+        kinds = pools[room].pop()
+        drawn.append(chances[room].choice(kinds[chances[room].choice(sorted(kinds))]))
     return drawn
 
 
@@ -166,48 +179,120 @@ def apply(one: Mutation, tree: Path) -> str:
     return changed.decode().splitlines()[one.line - 1].strip()
 
 
-def _tested(tests: tuple[str, ...], tree: Path, said: Path) -> int:
+class _Failures:
+    """A plugin that says which test failed, by its whole name."""
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            print(f"\nFAILED {report.nodeid}", file=sys.__stdout__, flush=True)
+
+
+class _Recorder(_Failures):
+    """A plugin that writes a line for each test: its name, its time [s], and `file:function` of all that is called by it.
+
+    The import of its file counts, and `:Popen` says that it starts a process.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file, self.called = file, dict[int, CodeType]()
+        threading.settrace(self._call)
+        sys.settrace(self._call)
+
+    def _call(self, frame: FrameType, *_: Any) -> None:
+        self.called[id(frame.f_code)] = frame.f_code  # kept, so that no other takes its number
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        imported, self.called, begin = self.called, {}, time.process_time()
+        sys.settrace(self._call)  # a test may have ended it
+        done = yield
+        paths = {(Path(code.co_filename), code.co_name) for code in (imported | self.called).values()}
+        calls = {f"{path.relative_to(Path.cwd())}:{name}" for path, name in paths if path.is_relative_to(Path.cwd())}
+        calls |= {":Popen" for path, _ in paths if path.name == "subprocess.py"}
+        self.called = imported
+        with self.file.open("a") as out:
+            print(json.dumps([item.nodeid, time.process_time() - begin, sorted(calls)]), file=out)
+        return done
+
+
+class _Chosen(_Failures):
+    """A plugin that runs chosen tests only, in their order."""
+
+    def __init__(self, tests: list[str]) -> None:
+        self.places = {test: place for place, test in enumerate(tests)}
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = sorted((one for one in items if one.nodeid in self.places), key=lambda one: self.places[one.nodeid])
+
+
+def _tested(tests: list[str], tree: Path, said: Path, plugin: Callable[[Any], Any], of: Any) -> int:
     os.setsid()
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever started this may ignore it, and a test would with him
-    limit = int(min(MOST, LIMIT * len(tests)))
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    resource.setrlimit(resource.RLIMIT_CPU, (MOST, MOST + 5))
     os.chdir(tree)
     descriptor = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(descriptor, 1)
     os.dup2(descriptor, 2)
     own = [str(tree / "src"), *(str(path) for path in (tree / "packages").glob("*/src"))]
     sys.path[:0], os.environ["PYTHONPATH"] = own, os.pathsep.join(own)
+    words = "-x -n 0 -s --tb=line -rE -W ignore::pytest.PytestAssertRewriteWarning -m".split()
     try:
         return int(
-            pytest.main(
-                [
-                    *"-x -n 0 --tb=line -rfE -W ignore::pytest.PytestAssertRewriteWarning -m".split(),
-                    "not slow",
-                    *tests,
-                ]
-            )
+            pytest.main([*words, "not slow", *dict.fromkeys(test.partition("::")[0] for test in tests)], [plugin(of)])
         )
     except BaseException:
         traceback.print_exc()
         raise
 
 
-def run(tests: tuple[str, ...], tree: Path) -> str:
+def run(tests: list[str], tree: Path, plugin: Callable[[Any], Any], of: Any) -> str:
     """Run tests in a process that has imported the libraries, and return which one failed, if any."""
     said = tree / "said.txt"
     child = os.fork()
     if not child:
         code = 3
         with contextlib.suppress(BaseException):
-            code = _tested(tests, tree, said)
+            code = _tested(tests, tree, said, plugin, of)
         os._exit(code)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     with contextlib.suppress(ProcessLookupError):  # what a test has left behind
         os.killpg(child, signal.SIGKILL)
-    caught = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said.read_text(), re.M)
+    caught = re.search(r"^(?:FAILED|ERROR) (.+)$", said.read_text(), re.M)
     if status == 0:
-        return "SURVIVED"
+        return SURVIVED
     return f"caught by {caught[1]}" if caught else f"NO ANSWER ({status}) {said.read_text()[-150:]!r}"
+
+
+def judge(one: Mutation, tree: Path) -> str:
+    """Run the tests beside a mutation, file by file, those first of which it is known that they reach it soon."""
+    name, turns = f"{one.file}:{one.function}", []
+    for place, file in enumerate(one.tests):
+        digest = hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
+        kept = REACHED / f"{Path(file).stem}-{digest}"
+        if not kept.exists():
+            turns.append((1, 0.0, place, [file], kept))
+            continue
+        rows = sorted(map(json.loads, kept.read_text().splitlines()), key=lambda row: row[1])
+        reach = [row for row in rows if name in row[2]]
+        if reach:  # the others of the file after these: what is traced is called in the first only that needs it
+            tests = [row[0] for row in [*reach, *(row for row in rows if row not in reach)]]
+            turns.append((0, reach[0][1], place, tests, kept))
+        elif tests := [row[0] for row in rows if ":Popen" in row[2]]:
+            turns.append((2, 0.0, place, tests, kept))
+    for _, _, _, tests, kept in sorted(turns):
+        if kept.exists():
+            result = run(tests, tree, _Chosen, tests)
+        else:
+            REACHED.mkdir(parents=True, exist_ok=True)
+            under_way = kept.with_suffix(".part")
+            under_way.unlink(missing_ok=True)
+            result = run(tests, tree, _Recorder, under_way)
+            if result == SURVIVED and under_way.exists():  # what it reached, it reaches without the mutation
+                under_way.rename(kept)
+        if result != SURVIVED:
+            return result
+    return SURVIVED if turns else "NO TEST reaches it"
 
 
 def main() -> None:
@@ -235,10 +320,10 @@ def main() -> None:
             before = (ROOT / one.file).read_bytes()
             after = apply(one, tree)
             old = before[one.start : one.end].decode().splitlines()[0]
-            result = "" if words.list else run(one.tests, tree)
+            result = "" if words.list else judge(one, tree)
             (tree / one.file).write_bytes(before)
             by = result.removeprefix("caught by ")
-            if by != result and not sound.setdefault(by, not run((by,), tree).startswith("caught")):
+            if by != result and not sound.setdefault(by, not run([by], tree, _Chosen, [by]).startswith("caught")):
                 result = f"NO ANSWER: {by} fails without the mutation too"
             caught, run_all = caught + result.startswith("caught"), run_all + 1
             words_of = f"{one.kind}: {old}  ->  {after}"

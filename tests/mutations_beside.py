@@ -3,7 +3,7 @@
 PHYSICS_TESTS = {
     "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py laws/test_never_pushes.py "
     "literature/test_force_maps.py",
-    "muscles/hysteresis/": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
+    "muscles/hysteresis/": "test_registry.py laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
     "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
     "muscles/law.py": "laws/test_refusals_of_physics.py muscles/test_pressure_law.py laws/test_one_potential.py "
     "laws/test_beyond_the_range.py laws/test_inverse.py laws/test_limits.py",
@@ -125,4 +125,77 @@ GUARDS_TESTS = {
     "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py bench/test_session_proxy.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",
     "errors.py": "test_error_sentences.py test_quantities.py test_schema.py",
+}
+HOSTS_TESTS = {
+    "adapters.py": "test_gymnasium.py test_mujoco_callbacks.py test_drake.py",
+    "c_source.py": "test_c_source.py test_cut_muscles.py",
+    "commands.py": "test_conformance.py test_c_source.py test_opensim.py test_fmi.py",
+    "conformance.py": "test_conformance.py",
+    "coupling.py": "test_coupling.py test_conformance.py",
+    "drake.py": "test_drake.py",
+    "drake_host.py": "test_drake.py test_conformance.py",
+    "fmi_description.py": "test_fmi.py",
+    "fmi_export.py": "test_fmi.py",
+    "fmi_host.py": "test_fmi.py test_conformance.py",
+    "gymnasium/": "test_gymnasium.py",
+    "mujoco_host.py": "test_mujoco_host.py test_mujoco_export.py test_conformance.py",
+    "mujoco_muscles.py": "test_mujoco_callbacks.py test_mujoco_host.py test_mujoco_export.py test_statics_in_hosts.py",
+    "opensim.py": "test_opensim.py test_statics_in_hosts.py",
+    "part.py": "test_part_slips.py test_coupling.py test_statics_in_hosts.py test_cut_muscles.py",
+    "scenarios.py": "test_conformance.py test_statics_in_hosts.py",
+    "targets.py": "test_c_source.py test_ros2_export.py test_fmi.py",
+    "warp_export.py": "test_warp.py",
+    "warp_host.py": "test_warp.py test_conformance.py",
+}
+HARDWARE_TESTS = {
+    "backends.py": "test_backends.py",
+    "bluesky/": "test_bluesky.py",
+    "calibrate/estimate.py": "calibrate/test_estimate.py test_calibration_from_readings.py",
+    "calibrate/session.py": "calibrate/test_calibration_session.py test_calibration_from_readings.py",
+    "calibrate/verbs.py": "test_calibration_from_readings.py test_calibrate_command.py",
+    "calibrate_commands.py": "test_calibrate_command.py",
+    "commissioning.py": "test_commissioning.py",
+    "daq/hardware.py": "daq/test_daq_runs.py daq/test_daq_failures.py",
+    "daq/simulated.py": "daq/test_daq_runs.py daq/test_daq_failures.py",
+    "daq/wiring.py": "daq/test_daq_wiring.py",
+    "device_commands.py": "test_backends.py test_commissioning.py test_replay.py",
+    "replay.py": "test_replay.py",
+    "serial_line/device.py": "serial_line/test_serial_device.py serial_line/test_serial_line.py",
+    "serial_line/link.py": "serial_line/test_serial_line.py serial_line/test_serial_noise.py",
+    "serial_line/messages.py": "serial_line/test_serial_frames.py serial_line/test_serial_noise.py",
+    "serial_line/microcontroller.py": "firmware/test_characterise_board.py serial_line/test_serial_device.py",
+}
+STUDIES_TESTS = {
+    "characterisation/evaluation.py": "studies/test_characterisation.py",
+    "characterisation/readings.py": "studies/test_readings_on_a_rig.py studies/test_characterisation.py",
+    "characterisation/stages.py": "studies/test_characterisation.py studies/test_readings_on_a_rig.py",
+    "characterisation/verb.py": "studies/test_characterisation.py studies/test_readings_on_a_rig.py",
+    "circuits.py": "cli/test_circuit.py test_verbs.py",
+    "comparison/": "studies/test_muscle_comparison.py cli/test_compare_command.py",
+    "description.py": "report/test_data_sheet.py cli/test_commands.py",
+    "design.py": "studies/test_design.py",
+    "diagnosis/": "studies/test_diagnosis.py",
+    "fitting.py": "cli/test_fit_friction.py cli/test_next_command.py test_verbs.py",
+    "joint_run.py": "cli/test_joint_command.py test_verbs.py",
+    "next_measurement.py": "cli/test_next_command.py identification/test_next_points.py",
+    "parts.py": "studies/test_parts.py cli/test_parts_command.py",
+    "rig_run.py": "cli/test_run_command.py bench/test_run.py",
+    "sizing/": "studies/test_sizing.py studies/test_sizing_days.py studies/test_sizing_from_posterior.py",
+    "sweep_run.py": "cli/test_sweep_command.py",
+    "tension.py": "test_verbs.py specimens/test_between_muscles.py",
+    "tube_models.py": "studies/test_tube_study.py",
+    "tube_study.py": "studies/test_tube_study.py",
+}
+# Where each room is, and its tests.
+ROOMS = {
+    "physics": ("src/mckibben", "tests", PHYSICS_TESTS),
+    "software": ("src/mckibben", "tests", SOFTWARE_TESTS),
+    "guards": ("src/mckibben", "tests", GUARDS_TESTS),
+    "hosts": ("packages/mckibben-hosts/src/mckibben_hosts", "packages/mckibben-hosts/tests", HOSTS_TESTS),
+    "hardware": (
+        "packages/mckibben-hardware/src/mckibben_hardware",
+        "packages/mckibben-hardware/tests",
+        HARDWARE_TESTS,
+    ),
+    "studies": ("src/mckibben/studies", "tests", STUDIES_TESTS),
 }

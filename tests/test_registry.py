@@ -6,6 +6,9 @@ import pytest
 
 from mckibben import registry
 from mckibben.errors import InputError
+from mckibben.muscles.hysteresis import HYSTERESES
+from mckibben.muscles.laws import LAWS
+from mckibben.pneumatics.build import ELEMENTS
 from mckibben.registry import Registry
 
 
@@ -134,6 +137,18 @@ def test_a_name_of_a_file_stands_for_what_a_registry_accepts_of_an_allowed_one(o
     assert "own.py:two" not in without and not without._is_file("own.py:two")
     with pytest.raises(InputError, match="Unknown number 'own.py:two'"):
         without.find("own.py:two")
+
+
+@pytest.mark.parametrize("own_kinds", [LAWS, HYSTERESES, ELEMENTS], ids=lambda one: one.noun)
+def test_a_registry_accepts_whole_kinds_of_its_own_and_nothing_of_another(own_kinds):
+    for kinds in (LAWS, HYSTERESES, ELEMENTS):
+        for name in kinds:
+            assert (own_kinds.accept(kinds[name]) is None) == (kinds is own_kinds), name
+    for nothing in (object, own_kinds, next(iter(own_kinds)), None):
+        assert own_kinds.accept(nothing).startswith("a class derived from mckibben.")
+    unfinished = type("Unfinished", (own_kinds[next(iter(own_kinds))],), {})
+    unfinished.__abstractmethods__ = frozenset({"a", "b"})
+    assert own_kinds.accept(unfinished) == "complete; missing: a, b"
 
 
 def test_only_python_files_of_a_bounded_length_are_allowed_and_none_after_a_server_has_begun(own, tmp_path):

@@ -44,6 +44,14 @@ def test_the_pressure_for_a_tension_gives_that_tension(muscle):
     assert muscle.tension(0.12, muscle.pressure_for(30.0, 0.12)) == pytest.approx(30.0, abs=1e-8)
 
 
+@pytest.mark.parametrize("several", ["tension", "length", "highest"])
+def test_the_pressure_for_a_tension_is_of_one_state_and_several_of_anything_are_refused(muscle, several):
+    asked = {"tension": 50.0, "length": 0.12, "highest": 10e5}
+    for value in ([asked[several]], np.full(3, asked[several])):
+        with pytest.raises(InputError, match=f"{several} must be one number, got {len(value)} of them"):
+            muscle.pressure_for(**asked | {several: value})
+
+
 def test_what_goes_in_decides_what_comes_out(muscle):
     assert type(muscle.tension(0.12, 5e5)) is float
     lengths = np.array([0.11, 0.12])

@@ -13,6 +13,7 @@ from mckibben.muscles import LearnedResidual
 from mckibben.muscles.elements import MaxwellChain
 from mckibben.muscles.hysteresis.maxwell_slip import MaxwellSlip
 from mckibben.muscles.hysteresis.slip import FrictionLimit
+from mckibben.simulation.fit import _Drive
 
 FREE = {
     "muscle.law.rest_diameter": None,
@@ -93,6 +94,16 @@ def test_what_was_not_shown_is_predicted_as_well():
     assert fitted().rms("position", shown=False) < 1e-6  # of 20 mm
     seen = fitted().predict(record(seed=12))
     np.testing.assert_allclose(seen.position, record(seed=12)["load.position"], atol=1e-6)
+
+
+def test_to_settle_for_a_time_is_to_hold_the_first_commands_that_long_before():
+    sim = bench()
+    run = _Drive.of(sim, record(), None, "0.5 s", None)
+    before = np.tile([run.held[name] for name in sim.commands], (25, 1))  # of 20 ms each
+    longer = run._replace(commands=np.vstack([before, run.commands]), settle=0)
+    whole = longer.predict(sim, {}, len(before) + 40, 1)
+    assert np.array_equal(run.predict(sim, {}, 40, 1), whole[len(before) :])
+    assert not np.array_equal(whole[:40], whole[len(before) :])  # creep goes on, so that the time counts
 
 
 def test_what_is_not_shown_moves_no_bit():

@@ -16,6 +16,8 @@ from mckibben.muscles.plausible import span_cautions
 from mckibben.quantities import amounts
 from mckibben.simulation import air as air_module
 from mckibben.simulation.mechanisms import Stated
+from mckibben.simulation.recorded import described
+from mckibben.slips import USUAL_SIZES
 
 MECHANISMS = {
     "weight": (mk.Weight, {"muscle": "nylon", "mass": 5.0, "start": 0.126, "damping": 2.0, "gravity": 9.81}),
@@ -197,6 +199,15 @@ def test_the_cautions_of_a_simulation_stand_in_its_recording():
         sim = stepped(muscle=3.0)
     assert list(sim.recording().meta["warnings"]) == [str(one) for one in sim.cautions]
     assert "warnings" not in stepped(muscle=3e5).recording().meta
+
+
+def test_noise_is_said_where_it_is_larger_than_what_it_is_of_and_however_small_it_is_not():
+    sim = mk.Simulation(mk.Weight("nylon", mass="1 kg"))
+    sizes = {name: USUAL_SIZES[u][1] for name, output in sim.plant.shown if (u := described(output)[0]) in USUAL_SIZES}
+    assert {"pressure", "position"} <= set(sizes)
+    for share, said in ((1e-9, False), (0.5, False), (1.5, True)):
+        cautions = sim._noise_cautions({name: share * size for name, size in sizes.items()})
+        assert [one is not None for one in cautions] == [said] * len(sizes)
 
 
 def test_a_start_pressure_that_inflates_nothing_is_said():

@@ -148,7 +148,7 @@ class Muscle(Module):
         if self.is_biological:
             fibre: Any = self.law
             return float(fibre.activation_for(force, span))
-        return self.law.pressure_for(force, span, highest=float(in_si(highest, "Pa", field="highest")))
+        return self.law.pressure_for(force, span, highest=_scalar(in_si(highest, "Pa", field="highest"), "highest"))
 
     def quasi_static_tension(self, span: Quantity, pressure: Quantity, direction: Scalar) -> Scalar:
         """Tension while the muscle is moved slowly one way [N], the law with constant friction.
