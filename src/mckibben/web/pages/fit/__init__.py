@@ -64,7 +64,11 @@ def build(workspace: Workspace, request: Request) -> None:
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
 
-ROW = 34  # least height of a row of the ranking [px]
+ROW = 46  # height of a row of the ranking: a law and what is said of it [px]
+
+
+# Where the page takes what a file does not say, by the first word of a remedy.
+WHERE = dict.fromkeys(("column", "unit"), " Choose it in the table above.") | {"rest_length": " Type it below."}
 
 
 class FitPage:
@@ -225,9 +229,10 @@ class FitPage:
                 columns.part(self._now, parts, self._change)
             columns.mapping(self._now, look, self._change, wrong)
             if wrong is not None:
-                chosen = getattr(wrong, "remedy", "").startswith(("column", "unit"))
-                plain = wrong.changed(remedy="") if isinstance(wrong, InputError) else wrong
-                refused(f"{str(plain).rstrip('.')}.{' Choose it in the table above.' if chosen else ''}")
+                where = WHERE.get(getattr(wrong, "remedy", "").partition(" ")[0], "")
+                if isinstance(wrong, InputError):
+                    wrong = wrong.changed(field=wrong.field.replace("_", " "), remedy="")
+                refused(f"{str(wrong).rstrip('.')}.{where}")
             elif points is not None:
                 text("p", jobs.used(points, self.asked), "small dim")
         if fresh:
