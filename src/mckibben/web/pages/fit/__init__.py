@@ -111,6 +111,8 @@ class FitPage:
                 with panel("Ranking", "by the error of points left out; errors in N", step=3) as head:
                     saveable(head, "Ranking", self.shown.draw_ranking)
                     self._place("ranking")
+                    if self.asked:
+                        self._reserve()
                     self._place("going")
                 with panel("Measured and fitted", "points measured, lines the law") as head:
                     with head:
@@ -133,6 +135,10 @@ class FitPage:
         document.when_connected(self._begin)  # nobody waits for a file that is read slowly
         self._going = FitProgress(self._places["going"], self.work, self._stop)
         document.on_close(self.work.end)
+
+    def _reserve(self) -> None:
+        """Give the ranking the height that it will have, so that nothing below it moves when it comes."""
+        self._places["ranking"].style(min_height=f"{ROW * (len(self.laws) + 2)}px")
 
     def _place(self, name: str, classes: str = "") -> None:
         self._places[name] = box("div", classes or f"room-{name}")  # its name gives it the room that it will take
@@ -273,9 +279,7 @@ class FitPage:
     def _fit(self) -> None:
         if self.asked is None or self.points is None:
             return
-        self._places["ranking"].style(
-            min_height=f"{ROW * (len(self.laws) + 2)}px"
-        )  # so that nothing moves when it comes
+        self._reserve()
         try:
             self.work.start(self.asked, self.points, self.laws)
         except MckibbenError as error:
