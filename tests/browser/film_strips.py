@@ -60,9 +60,9 @@ class Walk:
 
     def ready(self, true: str) -> None:
         """Wait until what was changed is taken and its dry run is over."""
-        rested = "parts.dry?.passed && status.shape === 'idle'"
+        begun = "parts?.setup && parts.protocol && parts.dry?.passed && status?.shape === 'idle'"
         self.page.wait_for_function(
-            f"() => {{ const {{ parts, status }} = window.lab.lab; return ({true}) && {rested} }}"
+            f"() => {{ const {{ parts, status }} = window.lab?.lab ?? {{}}; return {begun} && ({true}) }}"
         )
 
     def picture(self, page: Any = None) -> None:

@@ -289,10 +289,10 @@ def test_words_of_the_drawn_machine_do_not_run_into_each_other(visit, width):
             return was.call(this, t, x, y) } }"""
     )
     page.set_viewport_size({"width": width, "height": 900})
-    page.wait_for_function("Object.keys(window.said).some(t => t.startsWith('the protocol'))")
+    page.wait_for_function("() => Object.keys(window.said).some(t => t.startsWith('the protocol'))")
     page.wait_for_timeout(500)
     page.evaluate("window.said = {}")
-    page.wait_for_function("Object.keys(window.said).some(t => t.startsWith('the protocol'))")
+    page.wait_for_function("() => Object.keys(window.said).some(t => t.startsWith('the protocol'))")
     over = page.evaluate(
         """() => { const all = Object.entries(window.said).filter(([t]) => t.length > 1); const wrong = []
         all.forEach(([t, a], i) => all.slice(i + 1).forEach(([u, b]) => {
@@ -304,7 +304,8 @@ def test_words_of_the_drawn_machine_do_not_run_into_each_other(visit, width):
 
 def test_a_width_that_nobody_stated_is_not_shown_as_one(bench, until):  # noqa: F811
     page = bench()
-    draw = """name => import('/static/js/muscle.js').then(m => { const was = CanvasRenderingContext2D.prototype.fillText
+    draw = """name => import(document.querySelector('script[src$="bench.js"]').src.replace(
+        'bench.js', 'muscle.js')).then(m => { const was = CanvasRenderingContext2D.prototype.fillText
         const said = []; CanvasRenderingContext2D.prototype.fillText = t => said.push(t)
         const muscle = {...window.lab.lab.parts.setup.muscles.find(one => one.id === 'nylon')}
         if (!name) muscle.braid = null

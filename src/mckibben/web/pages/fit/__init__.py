@@ -299,6 +299,7 @@ class FitPage:
 
     async def _stop(self) -> None:
         self.work.stop()
+        self._places["ranking"].style(min_height="auto")  # no further law comes
         await self._look()
 
     async def _results(self) -> None:
