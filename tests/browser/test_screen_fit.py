@@ -53,6 +53,13 @@ def test_a_dropped_file_gives_the_same_ranking_parameters_and_specimen_file_as_t
     page.fill("#c-rest", "30")  # in the unit that stands beside the field
     page.press("#c-rest", "Enter")
     page.wait_for_url("**rest=30*")
+    page.fill("#c-rest", "300 mm")
+    page.press("#c-rest", "Enter")
+    page.wait_for_function("document.querySelector('#c-rest').value === '30'")  # as its unit beside it says, once
+    page.fill("#c-rest", "30 cm")
+    page.press("#c-rest", "Enter")
+    page.wait_for_function("document.querySelector('#c-rest').value === '30'")
+    page.wait_for_url("**rest=30*")
     fitted(page, 2)
     shown = rows(page)
     assert [r["law"] for r in shown] == [f["law"] for f in said["fits"]]

@@ -11,8 +11,9 @@ from mckibben.assembly.circuit_file import build_plan
 from mckibben.components import Environment
 from mckibben.documents import parse_toml
 from mckibben.errors import InputError, PlausibilityWarning
+from mckibben.muscles import braid
 from mckibben.pneumatics.build import valve_from_specimen
-from mckibben.specimens import save_specimen, specimen
+from mckibben.specimens import muscle_specimen, save_specimen, specimen
 from mckibben.specimens.parts import parts
 from mckibben.studies.sizing import (
     LineResult,
@@ -31,6 +32,7 @@ from mckibben.studies.sizing import (
 from mckibben.studies.sizing.as_files import circuit_of, specimen_of, toml_of
 from mckibben.studies.sizing.braid_law import INFERRED, braid_law
 from mckibben.studies.sizing.candidate import LawAtPressure, air_of_cycle
+from mckibben.web.bench.chosen import braid_shape
 
 WISH = Requirements(force=35.0, stroke=0.028, pressure=5e5, frequency=0.5, working_time=4 * 3600.0)
 NYLON = judged(of_specimen("nylon", WISH), WISH)
@@ -215,6 +217,15 @@ def test_the_chosen_muscle_as_a_file_pulls_as_was_said(tmp_path):
         assert muscle.tension(one.muscle.longest, WISH.pressure) == pytest.approx(one.largest_force, rel=1e-12)
         assert muscle.rest_length == pytest.approx(one.muscle.dimensions["rest_length"], rel=1e-12)
     assert specimen_of(NYLON.muscle, WISH.pressure) == specimen("nylon")
+
+
+def test_the_braid_that_was_sized_is_the_one_that_the_bench_draws(tmp_path):
+    save_specimen(specimen_of(BRAID.muscle, WISH.pressure), tmp_path / "muscle.toml")
+    shape = braid_shape(muscle_specimen(tmp_path / "muscle.toml"))
+    assert shape is not None and shape["inferred"]
+    short = BRAID.muscle.longest - WISH.stroke
+    wide = braid.diameter(short, thread_length=shape["thread_length"], turns=shape["turns"])
+    assert float(wide) == pytest.approx(BRAID.muscle.diameter, rel=1e-9)  # rounding of the file
 
 
 def test_the_circuit_of_the_answer_has_its_parts():

@@ -1,3 +1,4 @@
+import itertools
 import subprocess
 import sys
 
@@ -105,6 +106,16 @@ def is_whole(fig):
     for text in [t for ax in fig.axes for t in ax.texts if t.get_text() and t.get_visible()]:
         box = text.get_window_extent()
         assert page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1, text.get_text()
+    # words of one line do not run into each other; what is turned or lies on a curve has no such line
+    for ax in fig.axes:
+        level = [t for t in ax.texts if t.get_text() and t.get_visible() and not t.get_rotation()]
+        rows = {}
+        for text in level:
+            rows.setdefault(round(text.get_window_extent().y0), []).append(text)
+        for row in rows.values():
+            for one, other in itertools.combinations(row, 2):
+                boxes = one.get_window_extent().padded(-edge), other.get_window_extent()
+                assert not boxes[0].overlaps(boxes[1]), (one.get_text(), other.get_text())
     for key in fig.legends:
         box = key.get_window_extent()
         assert page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0, [t.get_text() for t in key.texts]

@@ -185,6 +185,8 @@ KNOWN_PROPERTIES = {
     "diameter_shortened": "m",
     "outer_diameter": "m",
     "thread_diameter": "m",
+    "thread_length": "m",  # of a braid whose law states none
+    "turns": "1",
     "bladder_thickness": "m",
     "shore_hardness": "1",
     "rest_inner_diameter": "m",

@@ -223,10 +223,10 @@ def figure_5e() -> Figure:
         ax,
         [
             entry("Kg", "static.stiffness_per_pressure"),
-            NumberEntry("Spread 10–14 cm, with wall", spans[1]),
+            NumberEntry("Spread, with wall", spans[1]),
             NumberEntry("the same, without", spans[0]),
         ],
-        remarks=(f"Kg: slope of dF/dP′ over {len(computed.LENGTHS)} lengths",),
+        remarks=(f"of {len(computed.LENGTHS)} lengths, 10–14 cm; Kg: slope of dF/dP′",),
     )
     key(ax, [*handles, sample("paper: constant", **PRINTED | ENDS)])
     return fig

@@ -13,6 +13,7 @@ from ...muscles.law import TensionLaw
 from ...pneumatics.build import ELEMENTS
 from ...quantities import declared
 from ...specimens import Specimen, SpecimenNumber
+from ...specimens.model import KNOWN_PROPERTIES
 from ...specimens.parts import parts
 from .candidate import Candidate, Judged
 from .lines import LineResult
@@ -45,7 +46,9 @@ def specimen_of(muscle: Candidate, pressure: float) -> Specimen:
             low, high = low + min(0.0, *changes), high + max(0.0, *changes)
         span = (low, high) if low < high else None
         numbers[name] = SpecimenNumber(value=value, unit=quantity.unit, inferred=True, note=note, range=span)
-    lengths = {"rest_length": muscle.dimensions["rest_length"], "upper_length": muscle.longest}
+    made = {"upper_length": muscle.longest} | {
+        name: muscle.dimensions[name] for name in ("rest_length", "thread_length", "turns") if name in muscle.dimensions
+    }
     friction = SpecimenNumber(
         value=muscle.friction, unit="N", inferred=True, note=f"share of the largest tension at {pressure / 1e5:g} bar"
     )
@@ -57,7 +60,7 @@ def specimen_of(muscle: Candidate, pressure: float) -> Specimen:
         law=muscle.law_name,
         note=f"Sized for {pressure / 1e5:g} bar; error of the law {muscle.error.share:.1%} of the largest force.",
         properties={
-            **{name: SpecimenNumber(value=v, unit="m", inferred=True, note=note) for name, v in lengths.items()},
+            **{n: SpecimenNumber(value=v, unit=KNOWN_PROPERTIES[n], inferred=True, note=note) for n, v in made.items()},
             "coulomb_friction": friction,
         },
         laws={muscle.law_name: numbers},

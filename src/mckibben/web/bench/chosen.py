@@ -50,8 +50,7 @@ def bench_muscles() -> list[Specimen]:
 
 def braid_shape(spec: Specimen, law: TensionLaw | None = None) -> dict[str, JsonValue] | None:
     """Return thread length [m], turns, and whether they were inferred; None if unknown."""
-    for name in ("ideal", "thick_wall"):
-        group = spec.laws.get(name, {})
+    for group in (spec.laws.get("ideal", {}), spec.laws.get("thick_wall", {}), spec.properties):
         if {"thread_length", "turns"} <= group.keys():
             b, n = (group[k].si(u, field=k) for k, u in (("thread_length", "m"), ("turns", "1")))
             inferred = group["thread_length"].inferred or group["turns"].inferred

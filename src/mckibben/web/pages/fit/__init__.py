@@ -64,7 +64,11 @@ def build(workspace: Workspace, request: Request) -> None:
 LOOKS = 0.25  # time between two looks at the work that goes on [s]
 
 
-ROW = 34  # least height of a row of the ranking [px]
+ROW = 46  # height of a row of the ranking: a law and what is said of it [px]
+
+
+# Where the page takes what a file does not say, by the first word of a remedy.
+WHERE = dict.fromkeys(("column", "unit"), " Choose it in the table above.") | {"rest_length": " Type it below."}
 
 
 class FitPage:
@@ -107,6 +111,8 @@ class FitPage:
                 with panel("Ranking", "by the error of points left out; errors in N", step=3) as head:
                     saveable(head, "Ranking", self.shown.draw_ranking)
                     self._place("ranking")
+                    if self.asked:
+                        self._reserve()
                     self._place("going")
                 with panel("Measured and fitted", "points measured, lines the law") as head:
                     with head:
@@ -129,6 +135,10 @@ class FitPage:
         document.when_connected(self._begin)  # nobody waits for a file that is read slowly
         self._going = FitProgress(self._places["going"], self.work, self._stop)
         document.on_close(self.work.end)
+
+    def _reserve(self) -> None:
+        """Give the ranking the height that it will have, so that nothing below it moves when it comes."""
+        self._places["ranking"].style(min_height=f"{ROW * (len(self.laws) + 2)}px")
 
     def _place(self, name: str, classes: str = "") -> None:
         self._places[name] = box("div", classes or f"room-{name}")  # its name gives it the room that it will take
@@ -225,9 +235,10 @@ class FitPage:
                 columns.part(self._now, parts, self._change)
             columns.mapping(self._now, look, self._change, wrong)
             if wrong is not None:
-                chosen = getattr(wrong, "remedy", "").startswith(("column", "unit"))
-                plain = wrong.changed(remedy="") if isinstance(wrong, InputError) else wrong
-                refused(f"{str(plain).rstrip('.')}.{' Choose it in the table above.' if chosen else ''}")
+                where = WHERE.get(getattr(wrong, "remedy", "").partition(" ")[0], "")
+                if isinstance(wrong, InputError):
+                    wrong = wrong.changed(field=wrong.field.replace("_", " "), remedy="")
+                refused(f"{str(wrong).rstrip('.')}.{where}")
             elif points is not None:
                 text("p", jobs.used(points, self.asked), "small dim")
         if fresh:
@@ -268,9 +279,7 @@ class FitPage:
     def _fit(self) -> None:
         if self.asked is None or self.points is None:
             return
-        self._places["ranking"].style(
-            min_height=f"{ROW * (len(self.laws) + 2)}px"
-        )  # so that nothing moves when it comes
+        self._reserve()
         try:
             self.work.start(self.asked, self.points, self.laws)
         except MckibbenError as error:
@@ -290,6 +299,7 @@ class FitPage:
 
     async def _stop(self) -> None:
         self.work.stop()
+        self._places["ranking"].style(min_height="auto")  # no further law comes
         await self._look()
 
     async def _results(self) -> None:

@@ -161,10 +161,13 @@ def _words_field(
             kept = typed
         except InputError as error:
             why = refusal(error, kept) if kept else f"{error}. It is not used."
-        field.refuse(why)  # what was typed stays, to be put right
+        # beside the field stands its unit; what is refused stays, to be put right
+        field.refuse(why, None if why else typed and plain(with_unit(parse(typed, unit, field=name), unit, 12)))
 
-    start = words.removesuffix(shown).strip()
-    field = InputField(label, start, came, name=f"c-{name}", unit=shown, about=about, colour=colour, classes="")
+    def plain(words: str) -> str:
+        return words.removesuffix(shown).strip()
+
+    field = InputField(label, plain(words), came, name=f"c-{name}", unit=shown, about=about, colour=colour, classes="")
     field.input.set(inputmode="decimal")
 
 

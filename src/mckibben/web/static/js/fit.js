@@ -69,7 +69,7 @@ function bubbles (d, w, h, figure) {
   const spots = p.spots(d.points, q => q.L, q => q.P, q => told(d, q))
   const ring = (x, y, e) => `<circle cx="${x}" cy="${y}" r="${Math.max(1, radius(e)).toFixed(1)}" fill="${e > 0 ? F : 'var(--panel)'}" fill-opacity="${e > 0 ? 0.8 : 1}" stroke="${F}" stroke-width="1.3"/>`
   for (const [x, y, , q] of spots) p.add(ring(x, y, q.e))
-  ;[most, most / 4, -most / 4, -most].forEach((e, i) => p.add(`${ring(w - size(56), 44 + i * 30, e)}<text class="tick" x="${w - size(42)}" y="${48 + i * 30}">${e > 0 ? '+' : ''}${number(e, most < 20 ? 1 : 0)}${i ? '' : `${TS}N`}</text>`))
+  ;[most, most / 4, -most / 4, -most].forEach((e, i) => p.add(`${ring(w - size(56), 44 + i * 30, e)}<text class="tick" x="${w - size(42)}" y="${48 + i * 30}">${e > 0 ? '+' : ''}${number(e, clamp(-Math.floor(Math.log10(most / 4)), 0, 6))}${i ? '' : `${TS}N`}</text>`))
   p.add(`<text class="tick" x="4" y="14">${name('pressure', 'Pressure')}, bar, against ${name('length', 'length')}, cm</text>`)
   return [p.svg(), spots, p]
 }

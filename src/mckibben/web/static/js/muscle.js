@@ -4,7 +4,7 @@ import { TS, clamp, fmt, row, size as projected, token } from './words.js'
 export const PX = 37.8 // of a centimetre on the screen
 const SCALES = [1, 0.75, 0.5, 0.4, 1 / 3, 0.25, 0.2, 0.1, 0.05, 0.02]
 
-/** Angle [deg] and diameter [cm] of a braid at a length [cm]; without a braid a tube of a tenth of its length. */
+/** Angle [deg] and diameter [cm] of a braid at a length [cm]; without a braid NaN and a width that is only drawn. */
 export function braid (m, length) {
   if (!m.braid) return { angle: NaN, diameter: m.rest_length * 7 }
   const t = m.braid.table; const at = clamp(length / 100, t.length[0], t.length.at(-1))
@@ -134,7 +134,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
   const dx = x0 + L * k * (phone ? 0.14 : 0.3)
   line(g, '--ink', 1, [dx, y - r - 16], [dx, y - r]); line(g, '--ink', 1, [dx, y + r], [dx, y + r + 14])
   g.fillStyle = token('--ink'); g.beginPath(); g.moveTo(dx, y - r); g.lineTo(dx - 3, y - r - 6); g.lineTo(dx + 3, y - r - 6); g.moveTo(dx, y + r); g.lineTo(dx - 3, y + r + 6); g.lineTo(dx + 3, y + r + 6); g.fill()
-  const wide = `D${TS}${fmt(braid(muscle, L).diameter, 2)}${TS}cm`; g.font = `600 ${projected(12)}px ${token('--font')}`
+  const wide = muscle.braid ? `D${TS}${fmt(braid(muscle, L).diameter, 2)}${TS}cm` : 'width not stated'; g.font = `600 ${projected(12)}px ${token('--font')}`
   const fits = dx + 7 + g.measureText(wide).width < x0 + L * k * 0.64 - (phone ? 24 : 34) || phone // beside the lens
   const before = dx - 7 - g.measureText(wide).width > tx + 8 // beside the tube
   const [at, align] = fits ? [dx + 7, 'left'] : before ? [dx - 7, 'right'] : [dx, 'center']
@@ -142,10 +142,12 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
   ruler(g, { x0, yr, xe, y, k, far, rest, L: Number.isFinite(told.length) ? told.length : rest, range, phone })
   if (!phone) {
     const ratio = scale === 1 ? `1${TS}:${TS}1` : `1${TS}:${TS}${fmt(1 / scale, (1 / scale) % 1 > 0.01 ? 2 : 0)}`
-    const said = range && `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`
+    const short = range && `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm`
+    const full = short && `${short}${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`
+    // before the sign of the rest length, which stands as low
+    const ends = ([from, said]) => from + projected(15) + g.measureText(said).width < x0 + rest * k - 10
+    const [from, said] = [[x0, full], [14, full], [x0, short]].find(ends) ?? [14, short]
     if (said) {
-      const reaches = x0 + projected(15) + g.measureText(said).width > x0 + rest * k - 10 // the sign of the rest length
-      const from = projected(1) > 1 || reaches ? 14 : x0
       words(g, '\u25ac', from, H - 8, { colour: '--q-length' })
       words(g, said, from + projected(15), H - 8)
     }
