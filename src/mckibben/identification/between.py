@@ -356,7 +356,7 @@ class NewMuscle:
     def moments(
         self, length: np.ndarray, pressure: np.ndarray, branch: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (n,) [N] and covariance (n, n) [N^2] of the signed force at points, without the noise of a further reading."""
+        """Mean (n,) [N] and covariance (n, n) [N^2] of the signed force at points, without the noise of a reading."""
         at = self.muscle.points(length, pressure, branch)
         covariance = self.between.own_covariance(at) + at.slopes @ self.spread @ at.slopes.T
         if not self.readings:
@@ -369,10 +369,13 @@ class NewMuscle:
     def predict(
         self, length: np.ndarray, pressure: np.ndarray, branch: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Tension and half width of the 95 % interval of a further reading (n,) [N]; that of a slack muscle is noise at least."""
+        """Tension and half width of the 95 % interval of a further reading (n,) [N]."""
         mean, covariance = self.moments(length, pressure, branch)
         half = NORMAL_QUANTILE * np.sqrt(np.maximum(np.diag(covariance), 0.0) + self.noise**2)
-        return np.maximum(mean, 0.0), np.maximum(half + np.minimum(mean, 0.0), NORMAL_QUANTILE * self.noise)
+        # However slack the law is, what is a share of the largest tension remains.
+        shares = self.between.branch, self.between.pressure_shape, self.between.noise
+        least = NORMAL_QUANTILE * float(np.linalg.norm(shares)) * self.muscle.largest
+        return np.maximum(mean, 0.0), np.maximum(half + np.minimum(mean, 0.0), np.minimum(half, least))
 
     @property
     def noise(self) -> float:

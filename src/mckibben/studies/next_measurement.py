@@ -188,7 +188,7 @@ def readings_to_take(
 ) -> NextReadings:
     """Choose the readings of a muscle: at rest, then shortened by 4 %, or as far as it is used if it is from elsewhere.
 
-    Where one muscle of the make in forty would hang slack, or more, none is read: the second is at the next longer length then.
+    Where one muscle of the make in forty or more would hang slack, the second is at the next longer length.
 
     Args:
         muscle: of a specimen that states how far muscles of its make differ, cut to its rest length.
