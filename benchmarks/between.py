@@ -139,7 +139,12 @@ def estimated(row: Row) -> Between:
             row.fitted, row.fitted.between, row.fitted.build(rest_length=float(rest)), tuple(row.fitted.parameters)
         ).muscle
         at = law.points(some.length, some.pressure, some.branch)
-        muscles.append((at, some.tension - at.tension))
+        pulls = at.tension > 0.0  # of a law that is slack a tension is no error of the signed force
+        seen = {
+            name: getattr(at, name)[pulls]
+            for name in ("length", "pressure", "branch", "tension", "stiffness", "slopes")
+        }
+        muscles.append((at._replace(**seen), (some.tension - at.tension)[pulls]))
     declared = np.array([getattr(row.fitted.between, name) for name in BETWEEN_COMPONENTS])
     slopes = np.concatenate([at.slopes for at, _ in muscles])
     size = np.linalg.norm(slopes, axis=0)

@@ -37,6 +37,23 @@ def test_the_second_half_is_predicted_from_the_first() -> None:
     assert found.rmse(seen=True) == pytest.approx(NOISE, rel=0.2)
 
 
+@pytest.mark.parametrize("law", ["free", "logarithmic"])
+def test_strokes_that_are_hidden_move_no_bit(law: str) -> None:
+    """No sign, time constant, start or interval comes from a stroke that the fit does not see."""
+    train = (TIME > 0.5) & (TIME % 1.0 < 0.7)  # what begins hidden, with gaps
+    found = [
+        fit_creep(TIME, np.where(train, stroke(), hidden), train=train, law=law)
+        for hidden in (stroke(), np.full(len(TIME), -1e9), 5.0 * TIME)
+    ]
+    for other in found[1:]:
+        assert (other.amplitudes, other.start, other.warnings) == (
+            found[0].amplitudes,
+            found[0].start,
+            found[0].warnings,
+        )
+        np.testing.assert_array_equal(other.predicted, found[0].predicted)
+
+
 def test_a_logarithmic_creep_is_continued_beyond_the_half_that_was_seen() -> None:
     tau = 0.03 * 10.0 ** (np.arange(5) / 2.0)
     s = 8e-3 + 1e-4 * sum(-np.expm1(-TIME / t) for t in tau)

@@ -106,18 +106,32 @@ def test_to_settle_for_a_time_is_to_hold_the_first_commands_that_long_before():
     assert not np.array_equal(whole[:40], whole[len(before) :])  # creep goes on, so that the time counts
 
 
-def test_what_is_not_shown_moves_no_bit():
-    whole, shown = record(noise=True), 400
-    poisoned = whole.with_channels(
-        {
-            name: mk.Channel(np.where(np.arange(len(whole.time)) < shown, c.values, np.nan), c.unit, c.kind, c.meaning)
-            for name, c in whole.channels.items()
-            if not name.endswith(".command")
-        }
-    )
-    free = {"muscle.law.rest_diameter": None, "position.offset": None}
-    both = [bench(True).fit(one, free, train=slice(0, shown)).estimates for one in (whole, poisoned)]
-    assert both[0] == both[1]
+SHOWN = np.arange(601)  # samples of `record`, with the one at the start
+PARTS = {"half": SHOWN < 400, "what begins hidden, with gaps": (SHOWN % 200 >= 90) & (SHOWN < 500)}
+
+
+@pytest.mark.parametrize("shown", PARTS.values(), ids=PARTS)
+@pytest.mark.parametrize("learned", [False, True])
+def test_what_is_not_shown_moves_no_bit(shown, learned):
+    """Neither a start, a scale nor a weight of a learned potential comes from a sample that is hidden, whatever it is."""
+    whole, free = record(noise=True), {"muscle.law.rest_diameter": None, "position.offset": None}
+    if learned:
+        free = {"muscle.law.weights": ("-0.1 J", "0.1 J"), "muscle.friction.*": None}
+
+    def poisoned(by):
+        return whole.with_channels(
+            {
+                name: mk.Channel(np.where(shown, c.values, by), c.unit, c.kind, c.meaning)
+                for name, c in whole.channels.items()
+                if not name.endswith(".command")
+            }
+        )
+
+    sim = bench(True, INSIDE if learned else None)
+    found = [sim.fit(one, free, train=shown, evaluations=4) for one in (whole, poisoned(np.nan), poisoned(1e9))]
+    for other in found[1:]:
+        assert other.estimates == found[0].estimates
+        assert other.cautions == found[0].cautions
 
 
 def test_intervals_hold_the_truth_under_noise_and_shrink_with_it():

@@ -2,6 +2,8 @@
 
 import csv
 import dataclasses
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +15,11 @@ from mckibben.identification.calibration import new_muscle
 from mckibben.muscles.evidence import error_of, half_width, law_error, make_band, make_spread
 from mckibben.specimens import SpecimenNumber
 from mckibben.specimens.model import BETWEEN_COMPONENTS
+from mckibben.studies.next_measurement import readings_to_take
 from mckibben.studies.tension import tension
 from measured_data import FOLDER, measured
 
+ROOT = Path(__file__).resolve().parents[2]
 READINGS = "132 mm, 5.5 bar, 320 N", "126.75 mm, 5.5 bar, 160 N"
 
 
@@ -36,6 +40,23 @@ def test_specimens_state_how_far_another_muscle_of_the_make_is_and_metadata_have
     none = law_error(mk.specimen("nylon"), "linear_threshold")
     assert law_error(mk.specimen("MPYE-5-1-8-LF"), "") is None  # a valve has no tension
     assert "between_muscles" not in none and none["interval"].startswith("no interval: nothing says")
+
+
+def test_the_page_on_trust_states_what_muscles_of_each_length_have() -> None:
+    """The table of rest lengths is what `next --like` computes, and that above it what the specimen states."""
+    page = (ROOT / "docs/explanation/how-far-to-trust-a-number.md").read_text(encoding="utf-8")
+    stated = make_spread(mk.specimen("festo-10mm"))
+    of_make = (stated.elsewhere, stated.same_rig, stated.after_one_reading, stated.after_two_readings)
+    assert [float(one) for one in re.findall(r"^\| .* \| ([\d.]+) % \|$", page, re.M)[:4]] == [
+        pytest.approx(100.0 * share, rel=1e-12) for share in of_make
+    ]
+    for rest in ("281 mm", "132 mm", "90 mm"):
+        cells = []
+        for same_rig in (True, False):
+            asked = readings_to_take(mk.muscle("festo-10mm", rest_length=rest), same_rig=same_rig)
+            shares = (asked.before, *(place["half_width"] for place in asked.places))
+            cells.append(", ".join(f"{100.0 * share:.1f}" for share in shares) + " %")
+        assert f"| {rest} | {' | '.join(cells)} |" in page
 
 
 def test_a_muscle_that_was_characterised_has_its_own_interval() -> None:

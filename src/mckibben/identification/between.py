@@ -13,7 +13,8 @@ over muscles. Few muscles do not show how their residuals scatter, so that C is 
 inner part is the covariance above, and not that of the residuals: A^-1 (sum over muscles of s' cov s) A^-1, A = s' s.
 
 A reading of the new muscle conditions this Gaussian: a linear solve with as many rows as readings. The mean of the fit
-stays that of least squares, to the bit.
+stays that of least squares, to the bit. The Gaussian is of the signed force of the braid, of which a muscle shows what is
+above zero: where the law hangs slack another muscle may pull, and the same differences of length say how much.
 
 A calibrated muscle remains one muscle of the same law, whose cycles close because its law has a potential: its fitted
 parameters are moved to where the law comes nearest to the conditional mean, in the metric of the conditional covariance.
@@ -50,7 +51,8 @@ MOST_READINGS = 3
 GRID = (6, 8)  # lengths and pressures at which a calibrated law comes near the conditional mean
 SHORTEST, LEAST_SHARE = 0.87, 0.08  # of the rest length and of the highest pressure, where the grid begins
 READ_FROM = 4e5  # gauge pressure below which a reading tells little [Pa]
-READ_PRESSURES, READ_SHORTENED = "5 to 6 bar", 0.04
+READ_AT, READ_PRESSURES, READ_SHORTENED = 5.5e5, "5 to 6 bar", 0.04  # gauge pressure of a reading [Pa]; of the second
+PLACES = 65  # lengths from that of the second reading to the rest length, of which it is the first where muscles pull
 SURPRISING = 3.0  # deviations from which a reading is not one of such a muscle
 
 
@@ -176,7 +178,7 @@ class MusclePoints(NamedTuple):
         length: (n,) [m].
         pressure: gauge (n,) [Pa].
         branch: ``inflate`` or ``deflate``, empty where it is not known (n,).
-        tension: (n,) [N].
+        tension: (n,) [N]; below zero where the muscle is slack, by how much it would have to pull more to be taut.
         stiffness: dF/dL (n,) [N/m].
         slopes: derivatives by the fitted parameters (n, q) [N per SI unit].
         rest_length: of the muscle [m].
@@ -237,6 +239,8 @@ def parameter_covariance(between: Between, muscles: Iterable[MusclePoints]) -> n
     """Covariance over muscles of parameters that were fitted by least squares (q, q), see the module."""
     information, scatter = 0.0, 0.0
     for points in muscles:
+        # Least squares see max(F, 0), which no parameter moves where the law is slack.
+        points = points._replace(slopes=(points.tension > 0.0)[:, None] * points.slopes)
         covariance = between.own_covariance(points) + (between.noise * points.largest) ** 2 * np.eye(len(points.length))
         information = information + points.slopes.T @ points.slopes
         scatter = scatter + points.slopes.T @ covariance @ points.slopes
@@ -296,20 +300,17 @@ class MuscleLaw:
         return np.array([float(getattr(self.law, name)) for name in self.free])
 
     def points(self, length: np.ndarray, pressure: np.ndarray, branch: np.ndarray | None = None) -> MusclePoints:
-        """What the law says at points (n,)."""
+        """What the law says at points (n,), of a slack muscle the signed force of its braid."""
         problem = self.problem(length, pressure)
         force, slopes = problem.functions()
         at = self.values() / problem.scale
-        pull = np.asarray(force(at))
-        taut, step = pull > 0.0, LENGTH_STEP
-        stiffness = taut * (force(at, step) - force(at, -step)) / (2.0 * step)
         return MusclePoints(
             length,
             pressure,
             np.full(len(length), "") if branch is None else np.asarray(branch, str),
-            np.maximum(pull, 0.0),
-            stiffness,
-            taut[:, None] * slopes(at) / problem.scale,
+            np.asarray(force(at)),
+            np.asarray(force(at, LENGTH_STEP) - force(at, -LENGTH_STEP)) / (2.0 * LENGTH_STEP),
+            np.asarray(slopes(at)) / problem.scale,
             self.rest_length,
             self.largest,
         )
@@ -355,7 +356,7 @@ class NewMuscle:
     def moments(
         self, length: np.ndarray, pressure: np.ndarray, branch: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (n,) [N] and covariance (n, n) [N^2] of the tension at points, without the noise of a further reading."""
+        """Mean (n,) [N] and covariance (n, n) [N^2] of the signed force at points, without the noise of a reading."""
         at = self.muscle.points(length, pressure, branch)
         covariance = self.between.own_covariance(at) + at.slopes @ self.spread @ at.slopes.T
         if not self.readings:
@@ -368,9 +369,13 @@ class NewMuscle:
     def predict(
         self, length: np.ndarray, pressure: np.ndarray, branch: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and half width of the 95 % interval of a further reading (n,) [N]."""
+        """Tension and half width of the 95 % interval of a further reading (n,) [N]."""
         mean, covariance = self.moments(length, pressure, branch)
-        return mean, NORMAL_QUANTILE * np.sqrt(np.maximum(np.diag(covariance), 0.0) + self.noise**2)
+        half = NORMAL_QUANTILE * np.sqrt(np.maximum(np.diag(covariance), 0.0) + self.noise**2)
+        # However slack the law is, what is a share of the largest tension remains.
+        shares = self.between.branch, self.between.pressure_shape, self.between.noise
+        least = NORMAL_QUANTILE * float(np.linalg.norm(shares)) * self.muscle.largest
+        return np.maximum(mean, 0.0), np.maximum(half + np.minimum(mean, 0.0), np.minimum(half, least))
 
     @property
     def noise(self) -> float:
@@ -414,16 +419,10 @@ class NewMuscle:
         force, slopes = problem.functions()
         noise = self.noise**2 or (1e-3 * muscle.largest) ** 2
 
-        def residual(scaled: np.ndarray) -> np.ndarray:
-            return np.asarray(np.maximum(force(scaled), 0.0) - mean[taut])
-
-        def jacobian(scaled: np.ndarray) -> np.ndarray:
-            return np.asarray((force(scaled) > 0.0)[:, None] * slopes(scaled))
-
         estimation = Estimation(
             problem.parameters,
-            residual,
-            jacobian,
+            lambda scaled: np.asarray(force(scaled) - mean[taut]),
+            lambda scaled: np.asarray(slopes(scaled)),
             covariance=covariance[np.ix_(taut, taut)] + noise * np.eye(int(taut.sum())),
         )
         best = estimation.descend(muscle.values() / problem.scale)
@@ -436,9 +435,9 @@ class NewMuscle:
         said = []
         before = dataclasses.replace(self, readings=())
         read = np.array(self.readings)
-        mean, half = before.predict(read[:, 0], read[:, 1])
-        for reading, told, width in zip(self.readings, mean, half, strict=True):
-            off = (reading.tension - told) / (width / NORMAL_QUANTILE)
+        signed, covariance = before.moments(read[:, 0], read[:, 1])
+        away = (read[:, 2] - signed) / np.sqrt(np.diag(covariance) + self.noise**2)
+        for reading, off, told, width in zip(self.readings, away, *before.predict(read[:, 0], read[:, 1]), strict=True):
             if abs(off) > SURPRISING:
                 expected = f"{with_unit(float(told), 'N')} within {with_unit(float(width), 'N')}"
                 said.append(
@@ -457,10 +456,27 @@ class NewMuscle:
         )
         return tuple(Caution(one, "reading") for one in said)
 
+    def second_length(self, pressure: float, used: float | None = None) -> float:
+        """Length at which a reading beside that at rest is best taken [m].
+
+        It is 4 % shortened, and of a muscle from another laboratory the most contracted one that is used; longer, up to the
+        rest length, where one of the make might hang slack there: such a reading would be none.
+
+        Args:
+            pressure: gauge, of the reading [Pa].
+            used: most contracted length [m]; the shortest that was measured, in proportion, by default.
+        """
+        rest, far = self.muscle.rest_length, self.between.gain >= ELSEWHERE.gain
+        most = self.muscle.shortest * rest if used is None else used
+        lengths = np.linspace(most if far else (1.0 - READ_SHORTENED) * rest, rest, PLACES)
+        tension, half = self.predict(lengths, np.full(PLACES, pressure))
+        return float(lengths[np.argmax(tension > half)]) if (tension > half).any() else rest
+
     def next_reading(self) -> str:
-        """Where a further reading is best taken, in words: at rest first, then 4 % shortened."""
+        """Where a further reading is best taken, in words: at rest first, then at the second length."""
         rest = self.muscle.rest_length
-        places = {rest: "at rest", (1.0 - READ_SHORTENED) * rest: f"{100 * READ_SHORTENED:.0f} % shortened"}
+        second = self.second_length(min(READ_AT, self.muscle.highest_pressure))
+        places = {rest: "at rest", second: f"{100.0 * (1.0 - second / rest):.0f} % shortened"}
         done = [r.length for r in self.readings]
         near = 0.5 * READ_SHORTENED * rest
         left = {at: words for at, words in places.items() if not any(abs(at - one) < near for one in done)}
@@ -495,8 +511,6 @@ def predicted_tension(
     given = in_si(length, "m", field="length"), in_si(pressure, "Pa", field="pressure")
     at = np.broadcast_arrays(*(np.asarray(values, float) for values in given))
     mean, half = (np.reshape(part, at[0].shape) for part in new.predict(np.ravel(at[0]), np.ravel(at[1])))
-    if tension is None:
-        mean = np.maximum(mean, 0.0)
-    else:
+    if tension is not None:
         half, mean = np.hypot(half, NORMAL_QUANTILE * (tension - mean)), tension
     return PredictedTension(mean, np.maximum(mean - half, 0.0), mean + half)

@@ -19,7 +19,7 @@ from ..bench import rig_file
 from ..bench.rig import Rig
 from ..documents import JsonValue
 from ..errors import InputError
-from ..identification.between import READ_PRESSURES, READ_SHORTENED, TensionReading
+from ..identification.between import READ_AT, READ_PRESSURES, TensionReading
 from ..identification.calibration import new_muscle
 from ..identification.next_points import LawTest, NextExperiment
 from ..muscles.build import changed_parameters
@@ -29,7 +29,6 @@ from ..specimens import Specimen, muscle_specimen
 from ..verbs import Changes, Duration, LawName, LawPair, Length, MuscleName, PosteriorFile, Pressure, RigName, verb
 
 MARGIN = 0.95  # of what a rig bears
-READ_AT = 5.5e5  # gauge pressure at which a muscle is read [Pa]; less where its make was not measured so far
 APART = 3.3  # standard deviations between two laws of which readings find the right one with 95 %
 PLACE = (
     Column("number", "", right=True),
@@ -189,6 +188,8 @@ def readings_to_take(
 ) -> NextReadings:
     """Choose the readings of a muscle: at rest, then shortened by 4 %, or as far as it is used if it is from elsewhere.
 
+    Where one muscle of the make in forty or more would hang slack, the second is at the next longer length.
+
     Args:
         muscle: of a specimen that states how far muscles of its make differ, cut to its rest length.
         same_rig: it is measured on the rig on which those were.
@@ -203,18 +204,25 @@ def readings_to_take(
     if shortest is not None and not 0.5 * rest < shortest < rest:
         ends = f"{with_unit(0.5 * rest, 'm')} and its rest length, {with_unit(rest, 'm')}"
         raise InputError("length", with_unit(shortest, "m"), f"must be between {ends}")
-    used = new.muscle.shortest * rest if shortest is None else shortest
     pressure = min(READ_AT, new.muscle.highest_pressure, highest)
     before, places = new.share(), []
-    for length in (rest, (1.0 - READ_SHORTENED) * rest if same_rig else used):
+    for second in (False, True):
+        length = new.second_length(pressure, shortest) if second else rest
         mean, half = (float(value[0]) for value in new.predict(np.array([length]), np.array([pressure])))
-        if mean <= 0.0:
-            problem = f"must be one at which the muscle pulls at {with_unit(pressure, 'Pa')}"
-            raise InputError("length", with_unit(length, "m"), problem)
+        if mean <= half:
+            problem = (
+                f"leaves nothing to read at rest: muscles of the make may pull nothing at {with_unit(pressure, 'Pa')}"
+            )
+            raise InputError("pressure", None, problem)
         new = new.conditioned([TensionReading(length, pressure, mean)])
         expected = {"tension": mean, "low": max(mean - half, 0.0), "high": mean + half}
         places.append({"length": length, "pressure": pressure, **expected, "half_width": new.share()})
-    return NextReadings(muscle, tuple(places), before, not same_rig)
+    taken, said = places[1]["length"], None
+    if shortest is not None and not same_rig and taken > shortest:
+        where = f"{with_unit(shortest, 'm', 4)} and {with_unit(pressure, 'Pa')}"
+        said = Caution(f"a muscle of the make may hang slack at {where}; the second reading is at the next length where "
+                       f"39 of 40 pull, {with_unit(taken, 'm', 4)}", "length")  # fmt: skip
+    return NextReadings(muscle, tuple(places), before, not same_rig, collect(said))
 
 
 @verb

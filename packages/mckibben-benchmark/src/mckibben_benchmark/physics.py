@@ -128,7 +128,7 @@ class ReadMuscle:
         if read:
             points = joined(read)
             new = new.conditioned(list(zip(points.length, points.pressure, points.tension, strict=True)))
-        return {"tension": np.maximum(new.predict(length, pressure)[0], 0.0)}
+        return {"tension": new.predict(length, pressure)[0]}
 
     def _of_others(self, muscle: str) -> Fit:
         if muscle not in self.fits:

@@ -278,7 +278,11 @@ def characterise_like(
         part = part_of(alone, f"reading {i}", "readings")
         length, pressure, tension = (float(np.mean(part[name])) for name in ("span", "pressure", "tension"))
         if tension - known.zero <= known.slack:
-            raise StageError("readings", f"the muscle is slack at {with_unit(length, 'm', 4)}; check the rest length")
+            low, high = (with_unit(places.places[i - 1][name], "N", 3) for name in ("low", "high"))
+            slack = (
+                f"the muscle hangs slack at {with_unit(length, 'm', 4)}, where 95 % of the make pull {low} to {high}"
+            )
+            raise StageError("readings", f"{slack}: check the rest length and the pressure")
         readings.append(TensionReading(length, pressure - known.zero_pressure, tension - known.zero))
     made, new = calibrate_muscle(of_make, readings, same_rig=same_rig)
     time = sum(one.seconds for one in done)
