@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar, Tree, jnp
+from ..simulation.mechanisms import Amount
 from .inverse import Inverse, advance_inverse
 from .steps import Outputs, RestingIntegral, Sample, StepControl, clip, shape
-from .task import RANGES, Amount, ControlTask, TaskControl
+from .task import RANGES, ControlTask, TaskControl
 
 SHAPED_TO = 80e-3 / 27e-3  # usual rate of shaped references, in ranges of the output per second [1/s]
 RESTS = 0.3  # for which an integral rests after a shaped reference lags behind what is wanted [s]

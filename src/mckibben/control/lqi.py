@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar, jnp
+from ..simulation.mechanisms import Amount
 from .controllers import USUAL, FeedForward
 from .inverse import Inverse
 from .steps import Outputs, RestingIntegral, Sample, StepControl, clip
-from .task import SETTINGS, Amount, ControlTask, Setting
+from .task import SETTINGS, ControlTask, Setting
 
 AMPLITUDE = 1e4  # of the commands of the linear model [Pa]
 MIDDLE, SETTLES = 0.4, 2.0  # where it is linearised, in the range of the command, and after which time [s]
@@ -69,7 +70,7 @@ class LQI(StepControl):
         numbers = self._take(
             task, USUAL, memory=memory, effort=effort, integral=integral, lead=lead, ahead=ahead, rate=rate
         )
-        effort, integral = numbers["effort"], numbers["integral"]
+        penalty, weight = numbers["effort"] ** 2, numbers["integral"] ** 2
         self.preview, sim = round(numbers["ahead"] / task.period), task.of_one_muscle().model
         self._inverse = Inverse(task, memory=memory)
         sim.reset()
@@ -82,9 +83,9 @@ class LQI(StepControl):
         whole = np.block([[A, np.zeros((size, 1))], [-task.period * C[1], np.ones((1, 1))]])
         seen, command = np.append(C[1], 0.0), np.append(B[:, 0], 0.0)[:, None]
         weights = np.outer(seen, seen)
-        weights[-1, -1] = integral**2
-        cost = solve_discrete_are(whole, command, weights, np.array([[effort**2]]))
-        gain = np.linalg.solve(effort**2 + command.T @ cost @ command, command.T @ cost @ whole)[0]
+        weights[-1, -1] = weight
+        cost = solve_discrete_are(whole, command, weights, np.array([[penalty]]))
+        gain = np.linalg.solve(penalty + command.T @ cost @ command, command.T @ cost @ whole)[0]
         drawn, noise = COMMAND**2 * B @ B.T, np.diag(READ) ** 2
         place = self.model.states.index("load.position")
         drawn[place, place] += POSITION**2

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..simulation.mechanisms import Amount
 from .controllers import FILLING, RESTS, USUAL
 from .inverse import Inverse
 from .steps import RestingIntegral
-from .task import Amount, ControlTask, TaskControl
+from .task import ControlTask, TaskControl
 
 HOLDS = {"m": 1e-6, "rad": 2e-5}  # change of a reference up to which it holds [unit]
 STANDS = {"m": 2e-6, "rad": 4e-5}  # foreseen error up to which a plan stands [unit]
