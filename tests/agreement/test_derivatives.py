@@ -1,13 +1,10 @@
 """The fit against independent judges: derivatives by differences, parameters by known ones, intervals by repetition."""
 
-import importlib.util
-from pathlib import Path
-from types import ModuleType
-
 import jax
 import numpy as np
 import pytest
 
+from law_examples import SEATED, SHIPPED, examples
 from mckibben.estimation import uncertainty
 from mckibben.identification.problem import Problem, solve
 from mckibben.muscles.law import TensionLaw
@@ -15,22 +12,8 @@ from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared
 from mckibben.recordings import ForceMap
 
-
-def _laws_examples() -> ModuleType:
-    path = Path(__file__).parents[1] / "laws" / "law_examples.py"
-    spec = importlib.util.spec_from_file_location("laws_examples", path)
-    assert spec is not None and spec.loader is not None  # noqa: PT018
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-LAWS_EXAMPLES = _laws_examples()
-examples = LAWS_EXAMPLES.examples
 # Half a minute of compilation: it solves an equilibrium in its law. Its potential, pull and closed cycles stay in the suite.
-SEATED_LATER = [
-    pytest.param(law, marks=pytest.mark.slow) if law in LAWS_EXAMPLES.SEATED else law for law in LAWS_EXAMPLES.SHIPPED
-]
+SEATED_LATER = [pytest.param(law, marks=pytest.mark.slow) if law in SEATED else law for law in SHIPPED]
 TENSION = jax.jit(lambda law, length, pressure: law.tension(length, pressure))
 REPLICATES = 200
 
@@ -58,6 +41,13 @@ def problem(law: str, points: ForceMap) -> Problem:
     return Problem.of(law, points, known=known)
 
 
+def leave_out_priors(law: str, patch: pytest.MonkeyPatch) -> bool:
+    """Only the data speak: what muscles like it have had draws an estimate away from the truth, as it is meant to."""
+    had = bool(law_type(law).priors)
+    patch.setattr(law_type(law), "priors", {})
+    return had
+
+
 def scaled_truth(posed: Problem) -> np.ndarray:
     return np.array([float(getattr(truth(posed.law), name)) for name in posed.free]) / posed.scale
 
@@ -80,7 +70,8 @@ def test_the_derivative_of_a_fit_equals_central_differences(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", SEATED_LATER)
-def test_a_fit_to_noise_free_points_finds_the_parameters(law: str) -> None:
+def test_a_fit_to_noise_free_points_finds_the_parameters(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_out_priors(law, monkeypatch)
     posed = problem(law, table(law))
     found = solve(posed)
     assert found.converged
@@ -90,14 +81,16 @@ def test_a_fit_to_noise_free_points_finds_the_parameters(law: str) -> None:
 
 
 @pytest.mark.parametrize("law", SEATED_LATER)
-def test_intervals_cover_the_truth_in_95_of_100_repetitions(law: str) -> None:
+def test_intervals_cover_the_truth_in_95_of_100_repetitions(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from scipy.stats import binom
 
+    # Without its priors, on which it leans where data hardly tell parameters apart, each of these spreads ten times as far.
+    weak = leave_out_priors(law, monkeypatch)
     clean = table(law)
     true = scaled_truth(problem(law, clean))
     rng = np.random.default_rng(20)
     # Small enough that the law is straight over the spread of its parameters, as the linearised intervals assume.
-    noise = 2e-3 * clean.largest
+    noise = (2e-4 if weak else 2e-3) * clean.largest
     covered = np.zeros(true.size)
     for _ in range(REPLICATES):
         noisy = ForceMap(

@@ -1,21 +1,16 @@
 """Fits to muscles of any size: what a law itself has made gives its parameters back."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import mckibben as mk
+from law_examples import example
 from mckibben.errors import InputError
 from mckibben.identification.problem import _power_of_length
 from mckibben.muscles.build import build_law
 from mckibben.muscles.laws import LAWS, law_type
 from mckibben.quantities import declared
 from mckibben.recordings import ForceMap
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "laws"))
-from law_examples import example  # noqa: E402
 
 FITTED = [name for name in LAWS if law_type(name).fitted]
 # Eight parameters of 28 points trade against each other: the tension is met to this share of the largest, no parameter is.
