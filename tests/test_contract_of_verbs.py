@@ -4,6 +4,7 @@ import html
 import json
 import math
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,14 @@ def test_every_verb_has_a_command_and_is_asked_here():
     assert set(ASKED) == set(COMMANDS)
     named = [one for name, one in COMMANDS.items() if EVERY.get(name, ("",))[0] not in PACKAGES]
     assert len(named) == sum(isinstance(one, VerbCommand) for one in vars(verb_commands).values())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_help_holds_a_place_that_only_refusals_and_cautions_fill(name):
+    """Names in braces are put in by whoever asks, in what is said of values: a help would show the braces."""
+    verb = verbs.described(COMMANDS[name].place)
+    said = [*verb.paragraphs, *(p.about for p in verb.parameters.values())]
+    assert [words for words in said if re.search(r"\{\w+(=\w+)?\}", words)] == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)

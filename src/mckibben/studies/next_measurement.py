@@ -254,8 +254,8 @@ def next_measurement(
         parameters: replace a parameter of the specimen that it is like, such as rest_length='132 mm'.
         budget: machine time of the measurement [s], such as '5 min'.
         wait: hold of each point before its reading [s], for creep, such as '3 s'.
-        length: length at which the tension is asked for [m], such as '12 cm', instead of the parameters; beside {like}
-            the most contracted one that is used.
+        length: length at which the tension is asked for [m], such as '12 cm', instead of the parameters; of a
+            muscle that is like those of a specimen the most contracted one that is used.
         pressure: gauge pressure at which the tension is asked for [Pa], such as '3 bar'.
 
     Raises:
