@@ -1,6 +1,5 @@
 """A library that comes with an extra is asked for before anything is computed, and one sentence says which extra."""
 
-import asyncio
 import html
 import sys
 from importlib import metadata
@@ -9,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import mckibben
+from loops import completed
 from mckibben import registry
 from mckibben.cli import main, record, serve, verb_commands  # noqa: F401  bound before anything is replaced
 from mckibben.cli.app import COMMANDS
@@ -116,7 +116,7 @@ def test_a_page_of_a_package_that_is_not_installed_says_which_and_pages_that_sho
         return html.unescape(widgets.written(opened))
 
     says = "The page The paper needs mckibben-papers, which is not installed: pip install 'mckibben[papers]',"
-    assert says in asyncio.run(shown())
+    assert says in completed(shown())
 
 
 def test_where_it_was_asked_for_stays_in_front_of_the_sentence(monkeypatch):
