@@ -43,10 +43,8 @@ class Reference:
         Raises:
             InputError: a period or duration [s, or words with a unit] in which there is no sample, or more than 10 million.
         """
-        step, lasts = (
-            in_si(period, "s", "period"),
-            in_si(self.duration if duration is None else duration, "s", "duration"),
-        )
+        step = in_si(period, "s", "period")
+        lasts = in_si(self.duration if duration is None else duration, "s", "duration")
         if not (step > 0.0 and 0.5 <= lasts / step <= MOST):
             problem = f"must be above zero and the duration, {lasts:g} s, a sample or more, {MOST:.0e} at most"
             raise InputError("period", with_unit(step, "s"), problem)
