@@ -58,8 +58,8 @@ validation: $(VENV)/.test ## Run all tests on measured data, which must be in th
 	MCKIBBEN_DATA="$(DATA)" $(RUN) pytest -m validation -rA
 
 lint: $(VENV)/.test ## Style, types and the import order
-	$(RUN) ruff check .
-	$(RUN) ruff format --check .
+	$(RUN) ruff check --no-cache .
+	$(RUN) ruff format --no-cache --check .
 	$(RUN) mypy
 	$(BIN)/lint-imports --no-logo
 

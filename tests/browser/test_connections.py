@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 
 import pytest
-from loops import completed
 from screen_server import Served
 
+from loops import completed
 from mckibben.web import guard
 from mckibben.web import guard as bounds
 from mckibben.web.guard import BURST, LONGEST, BoundedLog, Connections, Guard

@@ -7,8 +7,8 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from loops import completed
 
+from loops import completed
 from mckibben.errors import InputError
 from mckibben.web import guard
 from mckibben.web.live import AT_ONCE, LONGEST, PageConnection, _read, _whole

@@ -10,8 +10,8 @@ import threading
 
 import numpy as np
 import pytest
-from loops import completed
 
+from loops import completed
 from mckibben.bench.protocol_run import RunState
 from mckibben.bench.rig_file import rig
 from mckibben.bench.software.interlocks import EmergencyStop

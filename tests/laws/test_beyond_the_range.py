@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import machines
 import numpy as np
 import pytest
-from law_examples import SEATED, examples
 
 import mckibben as mk
+from law_examples import SEATED, examples
 from mckibben.assembly.build import unit_from_muscle
 from mckibben.components import derivative
 from mckibben.engine import held, integrate, ramped

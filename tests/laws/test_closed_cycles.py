@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from law_examples import DRAWS, SEATED, SHIPPED, examples, muscle_like
 
+from law_examples import DRAWS, SEATED, SHIPPED, examples, muscle_like
 from mckibben.muscles.check import evaluate, polygon, snaps, threshold_levels, unilateral, works
 from mckibben.muscles.law import TensionLaw, law_name
 

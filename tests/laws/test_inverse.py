@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from law_examples import SEATED, SHIPPED, example, examples
 
+from law_examples import SEATED, SHIPPED, example, examples
 from mckibben.errors import InputError, UnreachableError
 from mckibben.muscles.bladder import ramp
 from mckibben.muscles.law import TensionLaw

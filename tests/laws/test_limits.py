@@ -6,8 +6,8 @@ The closed forms are written here a second time, in NumPy and with trigonometry,
 import jax
 import numpy as np
 import pytest
-from law_examples import example, examples
 
+from law_examples import example, examples
 from mckibben.muscles import braid
 from mckibben.muscles.build import build_law
 from mckibben.muscles.law import TensionLaw

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from law_examples import example, examples
 
+from law_examples import example, examples
 from mckibben import muscle
 from mckibben.components.flow import GasState
 from mckibben.components.module import flatten

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from law_examples import SEATED, SHIPPED, example, examples
 
+from law_examples import SEATED, SHIPPED, example, examples
 from mckibben.muscles.build import construct
 from mckibben.muscles.check import POINTS, evaluate, pressures, thread_length
 from mckibben.muscles.law import TensionLaw, law_name

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from law_examples import DRAWS, SEATED, SHIPPED, example, examples, muscle_like
 
+from law_examples import DRAWS, SEATED, SHIPPED, example, examples, muscle_like
 from mckibben.muscles.check import evaluate, pressures, thread_length
 from mckibben.muscles.law import TensionLaw, law_name
 
