@@ -142,7 +142,7 @@ class Table:
             aside = (f" style='text-align:{'right' if i in self.right else 'left'}'" for i in range(len(words)))
             return f"<tr>{''.join(f'<{tag}{a}>{escape(w)}</{tag}>' for w, a in zip(words, aside, strict=True))}</tr>"
 
-        across = f"<tr><td colspan={len(self.columns)}>"
+        across = f"<tr><td colspan={len(self.told)}>"
         said = [f"{across}{escape(str(row[self.below]))}</td></tr>" if self.below else "" for row in self.rows]
         lines = [line("td", row) + more for row, more in zip(self.cells(), said, strict=True)][: self.most]
         notes = "".join(f"<p>{escape(named(note))}</p>" for note in self.notes)
@@ -150,18 +150,23 @@ class Table:
         return f"{heading}<table>{line('th', self.heads)}{''.join(lines)}</table>{notes}"
 
     @property
+    def told(self) -> list[Column]:
+        """Columns that say something in at least one row; all of them where there is no row."""
+        return [one for one in self.columns if not self.rows or any(one.cell(row) for row in self.rows)]
+
+    @property
     def heads(self) -> list[str]:
         """Heads of the columns."""
-        return [column.head for column in self.columns]
+        return [column.head for column in self.told]
 
     @property
     def right(self) -> list[int]:
         """Columns that stand at the right."""
-        return [i for i, column in enumerate(self.columns) if column.unit or column.own or column.right]
+        return [i for i, column in enumerate(self.told) if column.unit or column.own or column.right]
 
     def cells(self) -> list[list[str]]:
         """All values as a person reads them."""
-        return [[column.cell(row) for column in self.columns] for row in self.rows]
+        return [[column.cell(row) for column in self.told] for row in self.rows]
 
 
 def estimates(

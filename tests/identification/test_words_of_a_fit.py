@@ -41,6 +41,7 @@ def held(worst):
     return Holdout(what="fitted to the lower pressures", trained_on=2, error=np.array([0.0, worst]))
 
 
+OPEN = {"thread_length": THREAD, "turns": Estimate(3.0, -math.inf, math.inf, "1")}
 PAIR = Inseparable(("thread_length", "turns"), 0.999)
 
 
@@ -54,6 +55,12 @@ def test_of_a_sound_fit_nothing_is_said():
     [
         ({"converged": False, "message": "5 steps"}, ["did not converge"], "The fit did not converge (5 steps)."),
         ({"inseparable": (PAIR,)}, ["parameters hard to tell apart"], "Where two parameters cannot be told apart"),
+        # why the ranking has set it behind the others, in words that no other law of the table has
+        (
+            {"parameters": OPEN, "inseparable": (PAIR,)},
+            ["parameters not determined"],
+            "Where two parameters cannot be told",
+        ),
         (
             {"at_bound": ("turns",)},
             ["turns at its bound"],

@@ -479,7 +479,8 @@ def verdict(f: Fit, largest: float) -> list[str]:
     """
     if not f.converged:
         return ["did not converge"]
-    words = ["parameters hard to tell apart"] if f.inseparable else []
+    hard = "parameters hard to tell apart" if f.determined else "parameters not determined"
+    words = [hard] if f.inseparable else []
     words += degenerate_words(f)
     if f.holdout is not None and not f.holdout.max_error < ERRS * largest:
         words.append("does not extrapolate in pressure")

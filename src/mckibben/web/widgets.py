@@ -11,6 +11,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..nomenclature import GLOSSARY
+from ..report.blocks import unit_text
 from ..report.figures.colours import style_sheet
 from .elements import Element, PageDocument, call_script, page_document
 
@@ -289,7 +290,10 @@ def table(
     with one, box("table").set(aria_label=name):
         with box("thead"), box("tr"):
             for i, column in enumerate(columns):
-                text("th", column, "num" if i in right else "").set(scope="col")
+                title, comma, unit = column.rpartition(", ")
+                text("th", title + comma + (unit_text(unit) if comma else unit), "num" if i in right else "").set(
+                    scope="col"
+                )
         with box("tbody"):
             for row in rows:
                 with box("tr"):

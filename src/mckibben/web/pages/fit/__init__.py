@@ -366,7 +366,9 @@ class FitProgress:
                 self._bar = raw("", "div", "line")
                 button("Stop fitting", self._stop, small=True)
         left = f", {work.left:.0f}\u2009\u2060s left" if work.left is not None else ""
-        self._said.say(f"Fitting {work.words}{left}" if work.words else "Waiting for other fits")
+        law, _, done = work.words.partition(": ")
+        doing = f"Fitting {law_type(law).title}{', ' * bool(done)}{done}{left}" if law else "Waiting for other fits"
+        self._said.say(doing)
         self._bar.put(f'<i style="width:{100.0 * work.share:.0f}%"></i>')
 
 
@@ -440,7 +442,7 @@ class LawPictures:
         data = await asyncio.to_thread(results.drawn, fit, study, self._rest)
         if mine != self._asking:
             return  # another one was asked for meanwhile
-        title = fit.law.replace("_", " ")
+        title = law_title(fit)
         named = {
             "picture": (self.view, f"{VIEWS[self.view]} of {title} with the measured points"),
             "bubbles": ("bubbles", f"Residuals of {title} by length and pressure"),
