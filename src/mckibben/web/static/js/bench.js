@@ -54,12 +54,17 @@ events.addEventListener('restart', () => {
   Object.assign(strips, { ranges: {}, held: null, cursor: null, pinned: false, dirty: true })
   seen = { high: {}, low: {} }; extremes = {}; dry = shownDry = loop.dry = null; end = 0; fresh = true; loop.dirty = true
 })
-let fresh = true; let begun = 0; let extremes = {}
+let fresh = true; let begun = 0; let extremes = {}; let of = null
+const due = () => mode === 'dry' && Boolean(lab.parts.dry?.pending) // the dry run that is drawn is not of what is chosen now
 events.addEventListener('part', e => {
   const part = lab.parts[e.detail]
   if (e.detail === 'setup') { factors = Object.fromEntries(Object.entries(part.units).map(([n, u]) => [n, u.factor])); limits(); if (lab.parts.dry && !lab.parts.dry.pending) expected(lab.parts.dry) }
   if (e.detail === 'laws') { loop.laws = part; loop.plotted = false; loop.dirty = true }
-  if (e.detail === 'dry' && !part.pending) { expected(part); own.again() }
+  if (e.detail === 'dry' && !part.pending) { expected(part); own.again(); of = lab.parts.setup?.muscle }
+  else if (lab.parts.dry?.pending && of !== lab.parts.setup?.muscle) { // what the former muscle would do says nothing of this one
+    of = lab.parts.setup?.muscle; expected({})
+    if (e.detail !== 'laws') loop.laws = null
+  }
   machine(); protocol(); dryRun(); strips.dirty = loop.dirty = true
 })
 function limits () {
@@ -111,7 +116,7 @@ function frame (t) {
 function paint () {
   const tripped = trip()
   const source = mode === 'dry' ? dry : null
-  strips.source = source; strips.trip = tripped; strips.old = !lab.open && mode !== 'dry'; strips.zoom = zoom; strips.done = mode !== 'live'
+  strips.source = source; strips.trip = tripped; strips.old = due() || (!lab.open && mode !== 'dry'); strips.zoom = zoom; strips.done = mode !== 'live'
   if (strips.held) strips.view = strips.held
   else if (mode === 'dry') strips.view = { a: 0, b: zoom }
   else if (tripped && !status().running) strips.view = { a: Math.max(0, tripped.time - 0.9), b: Math.max(tripped.time + 0.5, Math.min(buffer.end, tripped.time + 0.6)) }
@@ -154,7 +159,7 @@ function picture () {
   const shown = now(); const c = strips.cursor; const at = c !== null && (status().paused || mode !== 'live') && Number.isFinite(strips.value('length', c)) ? Object.fromEntries(Object.keys(Q).map(q => [q, strips.value(q, c)])) : shown
   if (!Number.isFinite(at.valve)) at.valve = 0
   if (!Number.isFinite(at.tension)) at.tension = 0
-  const range = Number.isFinite(extremes.length?.[0]) && (mode === 'dry' || epochOf().kind === 'run') ? extremes.length : null
+  const range = Number.isFinite(extremes.length?.[0]) && !due() && (mode === 'dry' || epochOf().kind === 'run') ? extremes.length : null
   drawStage(place.querySelector('canvas'), place.clientWidth, phone(), { muscle: m, now: at, told: at === shown ? strips.told ?? at : at, limits: { pressure: strips.limits.pressure, tension: strips.limits.tension }, range: range && range[1] - range[0] > 0.01 ? range : null, dry: mode === 'dry' })
 }
 function trip () {

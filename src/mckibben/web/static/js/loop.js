@@ -64,7 +64,7 @@ export class LoopPlot {
     }
     if (this.dry && !this.live) {
       const xs = this.dry.length.map(v => v === null ? NaN : X(v)); const ys = this.dry.tension.map(v => v === null ? NaN : Y(v))
-      stroke(ctx, xs, ys, { colour: token('--q-tension'), width: 1.5, dash: [4, 3] })
+      stroke(ctx, xs, ys, { colour: token(this.old ? '--ink-2' : '--q-tension'), width: 1.5, dash: [4, 3] })
     }
     if (this.live) this.live_(ctx, X, Y)
     this.measured(ctx, X, Y)
