@@ -71,6 +71,7 @@ def lifted(tmp_path_factory):
     return hang, hang.reference()
 
 
+@pytest.mark.slow  # the system as one, and three programs of it: some seconds each to compile
 @pytest.mark.parametrize("host", ["c", "fmi3", "mujoco"])
 def test_a_muscle_that_has_learned_is_certified_as_any_other(host, lifted, monkeypatch):
     """Its limits, order, gap at the border, and the bits of its states, in place of the scenario that all of them take."""
