@@ -58,7 +58,10 @@ static board_sample sample;
 volatile float number __attribute__((used));
 static __attribute__((noinline)) void go(int k) {
     static board_outputs outputs;
-    sample.wanted = 0.012f + 0.0005f * k; sample.output = 0.0121f + 0.0004f * k;
+    sample.wanted = 0.012f + 0.0005f * k;
+#ifdef OUTPUT
+    sample.output = 0.0121f + 0.0004f * k;
+#endif
 #ifdef PRESSURE
     sample.pressure = 2.1e5f;
 #endif
@@ -153,7 +156,8 @@ def build(controller: StepControl, folder: Path, real: str, main: str) -> list[s
     texts = controller.c_source("board", real=real, output=12e-3) | {"main.c": SAMPLE + main}
     for name, text in texts.items():
         (folder / name).write_text(text)
-    flags = ["-DPRESSURE"] if " pressure;" in texts["board.h"] else []
+    # what a controller does not look at is no member of its sample
+    flags = [f"-D{one.upper()}" for one in ("output", "pressure") if f" {one};" in texts["board.h"]]
     return [*flags, f"-DCOUNT={STEPS}", str(folder / "board.c"), str(folder / "main.c")]
 
 
