@@ -17,7 +17,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ FIRMWARE = Path(__file__).parents[1] / "packages/mckibben-hardware/firmware"
 sys.path.insert(0, str(FIRMWARE / "emulator"))
 
 from cortex_m4 import addresses, cycles_of, program  # noqa: E402
+from timing import in_turns  # noqa: E402
 
 from mckibben.control import CONTROLLERS, control_task  # noqa: E402
 from mckibben.control.inverse import Inverse  # noqa: E402
@@ -274,29 +274,29 @@ def on_which_they_stand() -> dict[str, float]:
     )
     gains = np.array([2.5e5, 3e7])
     paths = ["load.mass", "muscle.law.rest_diameter"]
-
-    def took(call: Callable[[], object], times: int) -> float:
-        call()  # compiles
-        each = []
-        for _ in range(times):
-            begin = time.perf_counter()
-            call()
-            each.append(time.perf_counter() - begin)
-        return float(np.median(each))
-
     inverse.reset(strokes[0])
-    forward = took(lambda: rollout(gains), 20)
+    taken = in_turns(
+        {
+            "inverse": lambda: [inverse.advance(one) for one in strokes],
+            "pressures_for": lambda: law.pressures_for(tensions, spans),
+            "pressure_for": lambda: law.pressure_for(tensions[0], spans[0]),
+            "linearise": lambda: model.linearise("muscle", ("position",), amplitude=1e4),
+            "rollout": lambda: rollout(gains),
+            "gradient": lambda: rollout.value_and_grad(gains),
+            "machine": lambda: rollout.machine_gradient(gains, paths),
+        },
+        21,
+        wall=True,
+    )
     return {
-        "a sample of the memory inverse alone, s": took(lambda: [inverse.advance(one) for one in strokes], 5) / len(strokes),
-        "a pressure of `pressures_for`, of 2,000, s": took(lambda: law.pressures_for(tensions, spans), 20) / len(spans),
-        "a call of `pressure_for`, s": took(lambda: law.pressure_for(tensions[0], spans[0]), 20),
-        "a call of `linearise`, s": took(lambda: model.linearise("muscle", ("position",), amplitude=1e4), 5),
-        "a rollout of 200 samples, s": forward,
-        "its gradient by 2 gains, over it": took(lambda: rollout.value_and_grad(gains), 20) / forward,
-        "its gradient by 2 gains and 2 numbers of the machine, over it": took(
-            lambda: rollout.machine_gradient(gains, paths), 20
-        ) / forward,
-    }  # fmt: skip
+        "a sample of the memory inverse alone, s": taken.median("inverse") / len(strokes),
+        "a pressure of `pressures_for`, of 2,000, s": taken.median("pressures_for") / len(spans),
+        "a call of `pressure_for`, s": taken.median("pressure_for"),
+        "a call of `linearise`, s": taken.median("linearise"),
+        "a rollout of 200 samples, s": taken.median("rollout"),
+        "its gradient by 2 gains, over it": taken.ratio("gradient", "rollout"),
+        "its gradient by 2 gains and 2 numbers of the machine, over it": taken.ratio("machine", "rollout"),
+    }
 
 
 def page(rows: dict[str, dict[str, Any]]) -> str:
