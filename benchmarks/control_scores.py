@@ -54,9 +54,10 @@ def cells(scores: np.ndarray) -> list[str]:
 
 
 def counts(scores: np.ndarray, rivals: np.ndarray) -> list[str]:
-    """In how many of all plants a controller is no worse, by column."""
+    """In how many of all plants a controller is no worse, by column that the reference has."""
     places = {column: ControlScore._fields.index(column) for column in COLUMNS}
-    return [f"{column} {(scores[:, k] <= rivals[:, k]).sum()} of {len(scores)}" for column, k in places.items()]
+    had = {column: k for column, k in places.items() if np.isfinite(scores[:, k]).all()}
+    return [f"{column} {(scores[:, k] <= rivals[:, k]).sum()} of {len(scores)}" for column, k in had.items()]
 
 
 if __name__ == "__main__":

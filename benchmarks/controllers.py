@@ -2,10 +2,10 @@
 
     python benchmarks/controllers.py [--json FILE]
 
-Needs gcc; gcc-avr, avr-libc and libsimavr-dev for the Uno; gcc-arm-none-eabi and qemu-system-arm for the STM32F405. Boards
-whose tools are missing are left out. Cycles of the Uno are simavr's; those of the STM32F405 are counted from the
+Needs gcc; gcc-avr, avr-libc and libsimavr-dev for the Uno; gcc-arm-none-eabi and qemu-system-arm for the STM32F405. What
+is not measured, for want of a tool, is said. Cycles of the Uno are simavr's; those of the STM32F405 are counted from the
 instructions that QEMU executes, after the manual's table (`firmware/emulator/cortex_m4.py`), with the flash's cache and, in
-brackets, without.
+brackets, without. Below is what controllers stand on: an inverse, a pressure for a tension, a linear model, a gradient.
 """
 
 from __future__ import annotations
@@ -26,11 +26,24 @@ FIRMWARE = Path(__file__).parents[1] / "packages/mckibben-hardware/firmware"
 sys.path.insert(0, str(FIRMWARE / "emulator"))
 
 from cortex_m4 import addresses, cycles_of, program  # noqa: E402
+from timing import in_turns  # noqa: E402
 
 from mckibben.control import CONTROLLERS, control_task  # noqa: E402
+from mckibben.control.inverse import Inverse  # noqa: E402
 from mckibben.control.steps import StepControl  # noqa: E402
 
-NAMES = ("pid", "inverse", "memory-inverse", "lqi", "lqi-memory", "published-lqi", "mpc")
+# Why a controller that is no pure step is on no board.
+ON_NO_BOARD = {
+    "learning": "on none: 8 KB for R2, computed between its repeats",
+    "mpc": "on none: a plan steps the whole simulation in 9 lanes",
+    **dict.fromkeys(("published-feedforward", "published-pid", "published-lqi"),
+                    "not written: two lookups of 3,000 points, 36 KB"),
+}  # fmt: skip
+TOOLS = {
+    "gcc": ("gcc",),
+    "Uno": ("gcc", "avr-gcc", "/usr/include/simavr"),
+    "STM32F405": ("arm-none-eabi-gcc", "qemu-system-arm"),
+}
 STEPS = 3  # of a board
 REFILL, SLOW = 3, {"vdiv": 14, "vsqrt": 14, "vfma": 3, "vmla": 3, "vldr": 2, "vstr": 2}  # cycles of a jump, of floats
 UNO = ["avr-gcc", "-mmcu=atmega328p", "-DF_CPU=16000000ul", "-Dnearbyintf=lrintf", "-std=gnu99", "-O2"]
@@ -45,7 +58,10 @@ static board_sample sample;
 volatile float number __attribute__((used));
 static __attribute__((noinline)) void go(int k) {
     static board_outputs outputs;
-    sample.wanted = 0.012f + 0.0005f * k; sample.output = 0.0121f + 0.0004f * k;
+    sample.wanted = 0.012f + 0.0005f * k;
+#ifdef OUTPUT
+    sample.output = 0.0121f + 0.0004f * k;
+#endif
 #ifdef PRESSURE
     sample.pressure = 2.1e5f;
 #endif
@@ -120,7 +136,7 @@ def in_python(name: str) -> dict[str, float]:
     """Median and 99th percentile of the time of a step on one core [s]."""
     task = control_task("B1")
     controller, machine = CONTROLLERS[name](task), task.model
-    measured, count = machine.reset(), 400 if name == "mpc" else 4000
+    measured, count = machine.reset(), 2000 if name == "mpc" else 4000
     wanted = 12e-3 + 4e-3 * np.sin(0.03 * np.arange(count + controller.preview))
     controller.reset(measured, wanted[: controller.preview + 1])
     twin, times = task.model.with_arrays({}), []  # what steps the machine is not measured
@@ -140,7 +156,8 @@ def build(controller: StepControl, folder: Path, real: str, main: str) -> list[s
     texts = controller.c_source("board", real=real, output=12e-3) | {"main.c": SAMPLE + main}
     for name, text in texts.items():
         (folder / name).write_text(text)
-    flags = ["-DPRESSURE"] if " pressure;" in texts["board.h"] else []
+    # what a controller does not look at is no member of its sample
+    flags = [f"-D{one.upper()}" for one in ("output", "pressure") if f" {one};" in texts["board.h"]]
     return [*flags, f"-DCOUNT={STEPS}", str(folder / "board.c"), str(folder / "main.c")]
 
 
@@ -221,38 +238,83 @@ def cycles(instructions: dict[int, Any], log: Path) -> tuple[float, float]:
 def measure(folder: Path) -> dict[str, dict[str, Any]]:
     """All figures by controller."""
     rows: dict[str, dict[str, Any]] = {}
-    for name in NAMES:
+    lacking = {of: [t for t in tools if not (shutil.which(t) or Path(t).is_dir())] for of, tools in TOOLS.items()}
+    for of, tools in lacking.items():
+        if tools:
+            print(f"{of}: not measured for want of {', '.join(tools)}")
+    for name in CONTROLLERS:
         row = rows[name] = in_python(name)
         controller = CONTROLLERS[name](control_task("B1"))
         if not isinstance(controller, StepControl):
+            row["uno"] = ON_NO_BOARD[name]
             continue
-        if shutil.which("gcc"):
+        if not lacking["gcc"]:
             row |= on_host(controller, folder)
-        if shutil.which("avr-gcc") and Path("/usr/include/simavr").exists():
+        if not lacking["Uno"]:
             row |= on_uno(controller, folder)
-        if shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm"):
+        if not lacking["STM32F405"]:
             for real in ("float32", "float64"):
                 row |= on_stm32(controller, folder, real)
         print(name, json.dumps(row), flush=True)
     return rows
 
 
+def on_which_they_stand() -> dict[str, float]:
+    """Medians of the times of what controllers use [s], the gradient's over that of its rollout."""
+    task = control_task("B1")
+    model, law = task.model, task.model.units["muscle"].law
+    inverse, strokes = Inverse(task), 12e-3 + 4e-3 * np.sin(0.03 * np.arange(2000))
+    spans = task.zero - strokes
+    tensions = np.asarray(law.tension(spans, 3e5))
+    model.reset()
+    rollout = model.rollout(
+        lambda gains, seen: {"muscle": gains[0] + gains[1] * (seen.position - 0.24)},
+        steps=200,
+        cost=lambda seen, _: (seen.position - 0.24) ** 2,
+    )
+    gains = np.array([2.5e5, 3e7])
+    paths = ["load.mass", "muscle.law.rest_diameter"]
+    inverse.reset(strokes[0])
+    taken = in_turns(
+        {
+            "inverse": lambda: [inverse.advance(one) for one in strokes],
+            "pressures_for": lambda: law.pressures_for(tensions, spans),
+            "pressure_for": lambda: law.pressure_for(tensions[0], spans[0]),
+            "linearise": lambda: model.linearise("muscle", ("position",), amplitude=1e4),
+            "rollout": lambda: rollout(gains),
+            "gradient": lambda: rollout.value_and_grad(gains),
+            "machine": lambda: rollout.machine_gradient(gains, paths),
+        },
+        21,
+        wall=True,
+    )
+    return {
+        "a sample of the memory inverse alone, s": taken.median("inverse") / len(strokes),
+        "a pressure of `pressures_for`, of 2,000, s": taken.median("pressures_for") / len(spans),
+        "a call of `pressure_for`, s": taken.median("pressure_for"),
+        "a call of `linearise`, s": taken.median("linearise"),
+        "a rollout of 200 samples, s": taken.median("rollout"),
+        "its gradient by 2 gains, over it": taken.ratio("gradient", "rollout"),
+        "its gradient by 2 gains and 2 numbers of the machine, over it": taken.ratio("machine", "rollout"),
+    }
+
+
 def page(rows: dict[str, dict[str, Any]]) -> str:
     """The table of the documentation."""
-    head = (
-        "| controller | Python, us | C, us | Uno, ms | its flash, memory | STM32F405, ms: float32 | float64 | flash |"
-    )
-    lines = [head, "|---|---|---|---|---|---|---|---|"]
+    heads = "controller", "Python, us (99 of 100 within)", "C, us", "Uno, ms", "its flash, memory, bytes"
+    heads += "STM32F405 in float32, ms", "in float64, ms", "its flash"
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, r in rows.items():
-        cells = [f"`{name}`", f"{1e6 * r['python']:.1f}", f"{1e6 * r['host']:.2f}" if "host" in r else "-"]
+        cells = [f"`{name}`", f"{1e6 * r['python']:,.1f} ({1e6 * r['python_p99']:,.0f})"]
+        cells.append(f"{1e6 * r['host']:.2f}" if "host" in r else "-")
         if "uno_cycles" in r:
-            cells += [f"{r['uno_cycles'] / 16e3:.1f}", f"{r['uno_flash']}, {r['uno_memory']}"]
+            cells += [f"{r['uno_cycles'] / 16e3:.1f}", f"{r['uno_flash']:,}, {r['uno_memory']:,}"]
         else:
             cells += [r.get("uno", "-"), "-"]
         for real in ("float32", "float64"):
             key = f"stm32_{real}"
             cells.append(f"{r[key] / 168e3:.3f} ({r[f'{key}_no_cache'] / 168e3:.3f})" if key in r else "-")
-        cells.append(str(r.get("stm32_float64_flash", "-")))
+        cells.append(f"{r['stm32_float64_flash']:,}" if "stm32_float64_flash" in r else "-")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
@@ -264,8 +326,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         rows = measure(Path(folder))
     print(page(rows))
+    used = on_which_they_stand()
+    print(*(f"{what}: {number:.3g}" for what, number in used.items()), sep="\n")
     if given.json:
-        given.json.write_text(json.dumps(rows, indent=1) + "\n")
+        given.json.write_text(json.dumps(rows | {"used": used}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

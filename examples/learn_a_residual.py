@@ -70,9 +70,23 @@ def main(folder: Path, seconds: float = 60.0) -> dict[str, tuple[float, float]]:
     for name, (on, off) in errors.items():
         print(f"{name}: {on:.3f} mm on the record, {off:.3f} mm on one that was not shown")
     law = learned.machine.units["muscle"].law
+    yielded, moved = account(law)
+    print(f"over a closed cycle what was learned yields {yielded:.1e} J, of {moved:.2g} J that go to and fro")
     save(folder / "learned.toml", law, f"a record of {seconds:g} s")
     draw(folder, law, length, pressure)
     return errors
+
+
+def account(law: LearnedResidual) -> tuple[float, float]:
+    """Work of the learned part over a closed cycle of lengths and pressures, and the tension's to and fro [J]."""
+    turn, step = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False, retstep=True)
+    swing, way = 0.8 * law.length_reach * np.cos(turn), -0.8 * law.length_reach * np.sin(turn) * step
+    length, pressure = law.middle_length + swing, law.middle_pressure + law.pressure_slope * swing
+    pressure = pressure + 0.8 * law.pressure_reach * np.sin(turn)
+    rise = law.pressure_slope * way + 0.8 * law.pressure_reach * np.cos(turn) * step
+    tension, volume = (getattr(law, of)(length, pressure) - getattr(law.of, of)(length, pressure)
+                       for of in ("braid_tension", "braid_volume"))  # fmt: skip
+    return float(np.sum(tension * way - volume * rise)), float(np.sum(np.abs(tension * way)))
 
 
 def save(path: Path, law: LearnedResidual, note: str) -> None:
@@ -95,6 +109,7 @@ def draw(folder: Path, law: LearnedResidual, length: np.ndarray, pressure: np.nd
     )
     axes.plot(1e3 * length, pressure / 1e5, color="0.2", lw=0.3)
     axes.set(xlabel="length (mm)", ylabel="gauge pressure (bar)")
+    axes.locator_params(nbins=5)
     figure.colorbar(shades, label="learned tension (N)")
     mk.save_figure(figure, folder / "learn-a-residual.svg")
 

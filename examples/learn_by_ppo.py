@@ -27,7 +27,7 @@ import numpy as np
 
 import mckibben as mk
 import mckibben_hosts.gymnasium
-from mckibben.quantities import with_unit
+from mckibben.quantities import from_si, shown_unit, with_unit
 from mckibben_hosts.gymnasium import PERIOD
 
 LANES, STEPS = 128, 50  # samples of an iteration: 128 lanes of a quarter of an episode
@@ -135,7 +135,7 @@ class Evaluation(NamedTuple):
     Attributes:
         error: mean of each episode (episodes,), in the unit of the task.
         plant: which one each episode has (episodes,).
-        motion: first wanted quantity and its goal (samples, 2, episodes) [SI].
+        motion: first wanted quantity and its goal (samples, 2, episodes), in the unit of the label.
         label: of the motion, for an axis.
         unit: of the error.
     """
@@ -159,8 +159,9 @@ def evaluate(task: str, policy: object, episodes: int = 256, **differs: object) 
         seen, _, _, _, info = env.step(np.asarray(policy(seen)))
         errors.append(info["error"])
         motion.append(sense.low + 0.5 * (seen[:, places].T + 1.0) * (sense.high - sense.low))
-    plant, label = about.get("plant", np.zeros(episodes, int)), f"{sense.name} ({sense.unit})"
-    return Evaluation(np.mean(errors, axis=0), plant, np.array(motion), label, of.error_unit)
+    plant, shown = about.get("plant", np.zeros(episodes, int)), shown_unit(sense.unit)
+    moved = from_si(1.0, sense.unit, shown) * np.array(motion)
+    return Evaluation(np.mean(errors, axis=0), plant, moved, f"{sense.name} ({shown})", of.error_unit)
 
 
 def train(task: str, iterations: int, seed: int, varied: bool = False) -> tuple[dict, list[tuple[int, float, float]]]:
