@@ -87,23 +87,23 @@ class Plumbing(Module):
         nodes: dict[str, Reservoir | Chamber] = {
             "supply": Reservoir(pressure_abs=self.supply_pressure + room.pressure_abs, temperature=room.temperature),
             "room": Reservoir(pressure_abs=room.pressure_abs, temperature=room.temperature),
-            PORT: FixedVolume(size=self.port_volume + self.valve_accumulator, heat=self.heat),
+            PORT: FixedVolume(volume=self.port_volume + self.valve_accumulator, heat=self.heat),
         }
         if self.has_muscle:
             nodes[tested] = MovingVolume(
                 of=units[MUSCLE].law.braid_volume,
                 ambient=room.pressure_abs,
-                dead=self.muscle_accumulator,
+                dead_volume=self.muscle_accumulator,
                 heat=self.heat,
                 signal=f"{MUSCLE}.length",
             )
         else:
-            nodes[tested] = FixedVolume(size=self.muscle_accumulator, heat=self.heat)
+            nodes[tested] = FixedVolume(volume=self.muscle_accumulator, heat=self.heat)
         branches = {"valve": Branch(self.valve, ("supply", PORT, "room"), "valve")}
         begins = PORT
         if self.shut_off is not None:
             begins = LINE
-            nodes[begins] = FixedVolume(size=self.line_volume, heat=self.heat)
+            nodes[begins] = FixedVolume(volume=self.line_volume, heat=self.heat)
             branches["shut_off"] = Branch(self.shut_off, (PORT, begins), "open")
         branches["tube"] = Branch(self.tube, (begins, tested))
         if self.leak is not None:

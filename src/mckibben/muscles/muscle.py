@@ -358,7 +358,7 @@ class Muscle(Module):
             return ()
         least, most = float(known.min()), float(known.max())
         largest = max(least, most, key=abs)
-        far = length_caution(largest, longest, text=text) or stretch_caution(most, longest)
+        far = length_caution(largest, longest, text=text) or stretch_caution(most, longest, self.specimen)
         others = [one for one in (least, most) if far is None or (one <= longest and one != largest)]
         return collect(far, measured_length_caution(others, self.specimen))
 

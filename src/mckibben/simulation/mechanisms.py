@@ -755,7 +755,7 @@ def default_span(muscle: AnyMuscle, unit: MuscleUnit) -> float:
 def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str) -> tuple[Caution, ...]:
     """Cautions about a muscle's law and the span at which it is mounted [m]; see `muscles.plausible.span_cautions`."""
     spec = published(muscle)
-    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), name=name)
+    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), spec, name=name)
     return collect(*law_cautions(spec, law_name(unit.law)), *of_span)
 
 

@@ -643,7 +643,7 @@ class Simulation(SteppedSimulation):
                 far = f"a rest length of {name}{of} of {shown} is far from the lengths of its law, {ends}"
                 said.append(Caution(far, f"rest length of {name}{of}"))
             try:
-                said += span_cautions(float(spans[name].span), unit.law, rest, name=called)
+                said += span_cautions(float(spans[name].span), unit.law, rest, self._specimen_of(name), name=called)
             except InputError as error:  # a span that comes may suit what is changed now
                 said.append(Caution(str(error), called))
         return collect(*said)
