@@ -57,10 +57,18 @@ class Plumbing(Module):
     tube: FlowElement
     heat: HeatModel
     supply_pressure: Scalar = quantity("Pa", (0.0, 1e8), "gauge pressure of the supply", typical=(6e5, 1e6))
-    port_volume: Scalar = quantity("m^3", (1e-9, 1.0), "outlet of the valve and fittings", default=2e-6)
-    line_volume: Scalar = quantity("m^3", (1e-9, 1.0), "between a shut-off and the tube", default=1e-6)
-    valve_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the valve", default=0.0)
-    muscle_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", default=0.0)
+    port_volume: Scalar = quantity(
+        "m^3", (1e-9, 1.0), "outlet of the valve and fittings", typical=(1e-7, 1e-4), default=2e-6
+    )
+    line_volume: Scalar = quantity(
+        "m^3", (1e-9, 1.0), "between a shut-off and the tube", typical=(1e-7, 1e-4), default=1e-6
+    )
+    valve_accumulator: Scalar = quantity(
+        "m^3", (0.0, 1.0), "accumulator at the valve", typical=(1e-6, 1e-3), default=0.0
+    )
+    muscle_accumulator: Scalar = quantity(
+        "m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", typical=(1e-6, 1e-3), default=0.0
+    )
     shut_off: OnOffValve | None = None
     leak: Leak | None = None
     has_muscle: bool = field(static=True, kw_only=True, default=True)

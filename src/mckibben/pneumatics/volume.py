@@ -81,7 +81,9 @@ class Polytropic(HeatModel):
 class WallHeat(HeatModel):
     """Heat in proportion to the difference from the wall's temperature; adiabatic with a conductance of zero."""
 
-    conductance: Scalar = quantity("W/K", (0.0, 1e4), "heat conductance to the wall", symbol="hA", default=0.0)
+    conductance: Scalar = quantity(
+        "W/K", (0.0, 1e4), "heat conductance to the wall", symbol="hA", typical=(1e-2, 5.0), default=0.0
+    )
     wall_temperature: Scalar = quantity("K", (200.0, 500.0), "temperature of the wall", symbol="Tw", default=293.15)
 
     def rates(self, at: GasState, volume: VolumeState, inflow: Inflow) -> tuple[Scalar, Scalar]:
@@ -148,8 +150,12 @@ class CompliantVolume(Chamber):
     """
 
     volume: Scalar = quantity("m^3", (1e-12, 1e3), "volume at rest", symbol="V0", typical=(1e-6, 1e-2))
-    compliance: Scalar = quantity("m^3/Pa", (0.0, 1e-3), "volume per pressure", symbol="c", default=0.0)
-    swept: Scalar = quantity("m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", default=0.0)
+    compliance: Scalar = quantity(
+        "m^3/Pa", (0.0, 1e-3), "volume per pressure", symbol="c", typical=(1e-13, 1e-9), default=0.0
+    )
+    swept: Scalar = quantity(
+        "m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", typical=(1e-6, 1e-2), default=0.0
+    )
     saturation: Scalar = quantity(
         "1", (0.0, 1e6), "share by which the swept volume falls off, per unit of the signal", symbol="k", default=0.0
     )
@@ -177,7 +183,7 @@ class MovingVolume(Chamber):
 
     of: Callable[[Any, Any], Any] = field(kw_only=True)
     ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
-    dead_volume: Scalar = quantity("m^3", (0.0, 1.0), "volume of the fittings", default=0.0)
+    dead_volume: Scalar = quantity("m^3", (0.0, 1.0), "volume of the fittings", typical=(1e-7, 1e-3), default=0.0)
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default="length")
 
