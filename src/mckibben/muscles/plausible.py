@@ -83,8 +83,13 @@ def stretch_caution(
     shown, most = (with_unit(value, "m", digits) for value in (length, longest))
     said = f"overstretched: a {name} of {shown} is beyond the longest of this muscle's law, {most}"
     breaking = (1.0 + largest_strain(spec)) * longest
-    hold = f"its threads break at {with_unit(breaking, 'm')}, so that no muscle pulls like that"
-    return Caution(f"{said}; {'there its threads hold' if length <= breaking else hold}", name)
+    if spec is not None and spec.kind == "biological":
+        held = "there its filaments do not overlap"
+    elif length <= breaking:
+        held = "there its threads hold"
+    else:
+        held = f"its threads break at {with_unit(breaking, 'm')}, so that no muscle pulls like that"
+    return Caution(f"{said}; {held}", name)
 
 
 def pressure_caution(
