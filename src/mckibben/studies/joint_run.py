@@ -163,7 +163,7 @@ def _held(
 
     bends = MomentArm(coefficients=np.array([arm]), span=SPAN)
     stand = joint_stand(flexor, extensor, flexor_arm=bends, inertia=inertia)
-    return run_joint(stand, duration=seconds, **courses, seed=seed)
+    return run_joint(stand, duration=seconds, angle=courses["angle"], stiffness=courses["stiffness"], seed=seed)
 
 
 def _courses(simulation: Simulation, commands: Mapping[str, str]) -> dict[str, _HeldValues]:
