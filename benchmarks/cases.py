@@ -121,7 +121,7 @@ def tube() -> Case:
     nodes = {
         "supply": Reservoir(temperature=TEMPERATURE, signal="supply"),
         "m": MovingVolume(
-            of=muscle.law.braid_volume, ambient=ROOM, dead=1e-6, signal="m.length",
+            of=muscle.law.braid_volume, ambient=ROOM, dead_volume=1e-6, signal="m.length",
             heat=WallHeat(conductance=0.2, wall_temperature=TEMPERATURE),
         ),
     }  # fmt: skip
@@ -143,7 +143,7 @@ def valve() -> Case:
     """The same with a valve of two orifices and a port in the circuit."""
     fill, vent = Orifice(conductance=4e-9), Orifice(conductance=5e-9, critical_ratio=0.3)
     heat = WallHeat(conductance=0.2, wall_temperature=TEMPERATURE)
-    line = AirLine(valve=(fill, vent), tube=_tube(), port_volume=5e-6, heat=heat, dead=1e-6)
+    line = AirLine(valve=(fill, vent), tube=_tube(), port_volume=5e-6, heat=heat, dead_volume=1e-6)
     machine = several({"m": unit()}, PlateLoad(held=("m",), span=0.16), supply=6e5, line=line)
     start = machine.initial({"m": ROOM, "m.port": ROOM}, {"m.fill": _still(0.0), "m.vent": _still(0.0)})
 
@@ -179,7 +179,7 @@ def rig(muscles: int, shared: str = "independent", spread: float = 0.0) -> tuple
     source = "supply"
     if shared == "tank":
         source = "tank"
-        nodes["tank"] = FixedVolume(size=1e-5 * muscles, heat=heat)
+        nodes["tank"] = FixedVolume(volume=1e-5 * muscles, heat=heat)
         branches["feed"] = Branch(Orifice(conductance=1e-9 * muscles), ("supply", "tank"))
     for i in range(muscles):
         name = f"m{i:04d}"
@@ -187,7 +187,9 @@ def rig(muscles: int, shared: str = "independent", spread: float = 0.0) -> tuple
         units[name] = one.replace(end_mass=one.end_mass * more, viscosity=one.viscosity * more) if spread else one
         tube_there = _tube()
         branches[f"{name}.tube"] = Branch(tube_there.replace(length=tube_there.length * more), (source, name))
-        nodes[name] = MovingVolume(of=one.law.braid_volume, ambient=ROOM, dead=1e-6, signal=f"{name}.length", heat=heat)
+        nodes[name] = MovingVolume(
+            of=one.law.braid_volume, ambient=ROOM, dead_volume=1e-6, signal=f"{name}.length", heat=heat
+        )
     load: Any = PlateLoad(held=tuple(units), span=0.16)
     if shared == "joint":
         arms = {

@@ -277,7 +277,7 @@ def circuit_study(number: int) -> dict[str, Any]:
     truth = {name: value * float(np.exp(0.2 * chance.standard_normal())) for name, value in guess.items()}
     fill = Orifice(conductance=6e-9, critical_ratio=0.3)
     circuit = Circuit.of(
-        {"supply": Reservoir(signal="wish"), "tank": FixedVolume(size=5e-5, heat=Isothermal()),
+        {"supply": Reservoir(signal="wish"), "tank": FixedVolume(volume=5e-5, heat=Isothermal()),
          "room": Reservoir(signal="ambient")},
         {"fill": Branch(fill, ("supply", "tank")), "leak": Branch(Leak(conductance=1e-9), ("tank", "room"))},
     )  # fmt: skip

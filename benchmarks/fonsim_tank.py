@@ -77,7 +77,7 @@ class Ours:
 
     def __init__(self, tube: Any, step: float, stiff: bool = False, gauge: float = STEP) -> None:
         supply = Reservoir(pressure_abs=AMBIENT + gauge, temperature=TEMPERATURE)
-        nodes = {"source": supply, "tank": FixedVolume(size=TANK, heat=Isothermal())}
+        nodes = {"source": supply, "tank": FixedVolume(volume=TANK, heat=Isothermal())}
         circuit = Circuit.of(nodes, {"tube": Branch(tube, ("source", "tank"))}, gas=GAS)
         start = circuit.initial({"tank": AMBIENT}, temperature=TEMPERATURE)
         clock = {"clock": held(np.zeros(len(TIMES)))}

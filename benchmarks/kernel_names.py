@@ -25,7 +25,7 @@ PATHS = {
     "gas_constant": "circuit.gas.gas_constant",
     "heat_ratio": "circuit.gas.heat_ratio",
     "ambient": "environment.pressure_abs",
-    "dead": "circuit.nodes.m.dead",
+    "dead": "circuit.nodes.m.dead_volume",
     "conductance": "circuit.nodes.m.heat.conductance",
     "wall": "circuit.nodes.m.heat.wall_temperature",
     "supply_temperature": "circuit.nodes.supply.temperature",
@@ -37,7 +37,7 @@ PATHS = {
 VALVE_PATHS = {
     "conductance": "circuit.nodes.m.heat.conductance circuit.nodes.m.port.heat.conductance",
     "wall": "circuit.nodes.m.heat.wall_temperature circuit.nodes.m.port.heat.wall_temperature",
-    "port_volume": "circuit.nodes.m.port.size",
+    "port_volume": "circuit.nodes.m.port.volume",
     "supply_pressure": "circuit.nodes.supply.pressure_abs",
     "room_pressure": "circuit.nodes.room.pressure_abs",
     "room_temperature": "circuit.nodes.room.temperature",

@@ -77,7 +77,9 @@ def machine() -> tuple[Any, Any]:
         viscosity=jnp.asarray(5.0),
     )
     tube = InertialTube(viscous=30.0, turbulent=11.0, area=7.92e-6, length=0.5)
-    line = AirLine(valve=(Orifice(conductance=4e-9), Orifice(conductance=5e-9)), tube=tube, port_volume=5e-6, dead=1e-6)
+    line = AirLine(
+        valve=(Orifice(conductance=4e-9), Orifice(conductance=5e-9)), tube=tube, port_volume=5e-6, dead_volume=1e-6
+    )
     made = several({"m": unit}, PlateLoad(held=("m",), span=0.16), supply=SUPPLY, line=line)
     closed = Value(jnp.asarray(0.0), jnp.asarray(0.0))
     return made, made.initial({"m": ROOM, "m.port": ROOM}, {"m.fill": closed, "m.vent": closed})

@@ -76,8 +76,8 @@ def system(tube):
     return Circuit.of(
         {
             "supply": Reservoir(pressure_abs=SUPPLY, temperature=310.0),
-            "valve": FixedVolume(size=DEAD, heat=adiabatic()),
-            "tank": FixedVolume(size=TANK, heat=WallHeat(conductance=WALL)),
+            "valve": FixedVolume(volume=DEAD, heat=adiabatic()),
+            "tank": FixedVolume(volume=TANK, heat=WallHeat(conductance=WALL)),
             "room": Reservoir(),
         },
         {
@@ -172,7 +172,7 @@ def test_valves_that_switch_off_the_grid(late):
     circuit = Circuit.of(
         {
             "supply": Reservoir(pressure_abs=SUPPLY),
-            "tank": FixedVolume(size=TANK, heat=adiabatic()),
+            "tank": FixedVolume(volume=TANK, heat=adiabatic()),
             "room": Reservoir(),
         },
         {
@@ -226,7 +226,7 @@ def muscle_rate(p, length, velocity, fill):
 
 def test_an_isothermal_moving_muscle():
     circuit = Circuit.of(
-        {"supply": Reservoir(pressure_abs=SUPPLY), "muscle": MovingVolume(of=MUSCLE.braid_volume, dead=1e-6)},
+        {"supply": Reservoir(pressure_abs=SUPPLY), "muscle": MovingVolume(of=MUSCLE.braid_volume, dead_volume=1e-6)},
         {"fill": Branch(VALVE, ("supply", "muscle"), "fill")},
     )
     time = PERIOD * np.arange(61)
@@ -245,7 +245,7 @@ def small_volume(h, method, *, raises=True):
     """600 l/min into 1 cm3, full in a few milliseconds, and emptied again by the valve to the room."""
     valve = Orifice.from_flow(600e-3 / 60, pressure=6.9e5)
     circuit = Circuit.of(
-        {"supply": Reservoir(pressure_abs=7.9e5), "small": FixedVolume(size=1e-6), "room": Reservoir()},
+        {"supply": Reservoir(pressure_abs=7.9e5), "small": FixedVolume(volume=1e-6), "room": Reservoir()},
         {
             "fill": Branch(valve, ("supply", "small"), "fill"),
             "vent": Branch(valve, ("small", "room"), "vent"),

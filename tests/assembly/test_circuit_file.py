@@ -256,7 +256,7 @@ def test_a_tank_ends_where_the_gas_law_says(read):
     np.testing.assert_allclose(rec["tank.pressure"], rec["tank.pressure_abs"] - ROOM, atol=1e-6)
     assert rec.meta["balance"]["mass"] < 1e-10  # linear in the flows: rounding
     assert rec.channels["open"].kind == "command"
-    assert rec.meta["parameters"]["nodes.tank.size"] == {"value": pytest.approx(50e-6), "unit": "m^3"}
+    assert rec.meta["parameters"]["nodes.tank.volume"] == {"value": pytest.approx(50e-6), "unit": "m^3"}
 
 
 def test_in_parts_or_whole_a_run_is_the_same_to_rounding(read, monkeypatch):

@@ -136,18 +136,18 @@ def test_law_and_room_of_a_muscle_stand_once_among_the_parameters_so_that_no_add
     machine = single_muscle("nylon", PlateLoad(held=("m",), span=0.14), supply=6e5)
     known = [path for path, _ in paths.parameters(machine)]
     assert {p for p in known if p.startswith("circuit.nodes.m.") and ".port" not in p and ".heat" not in p} == {
-        "circuit.nodes.m.dead"
+        "circuit.nodes.m.dead_volume"
     }
     assert [p for p in known if p.endswith("rest_length")] == ["units.m.law.rest_length"]
     longer = paths.put(machine, {"units.m.law.rest_volume": 2.0 * machine.units["m"].law.rest_volume})
-    volumes = [m.joined.nodes["m"].volume(5e5, 0.13, 0.0).value for m in (machine, longer)]
+    volumes = [m.joined.nodes["m"].volume_state(5e5, 0.13, 0.0).value for m in (machine, longer)]
     assert volumes[1] > 1.1 * volumes[0]  # of a tube of 5.6 cm3 beside a braid of 8 cm3
 
 
 def test_every_parameter_of_a_machine_has_an_address_though_names_have_dots():
     machine = single_muscle("nylon", PlateLoad(held=("m",), span=0.14), supply=6e5)
     known = dict(paths.parameters(machine))
-    assert "circuit.nodes.m.port.size" in known and "circuit.elements.m.tube.length" in known
+    assert "circuit.nodes.m.port.volume" in known and "circuit.elements.m.tube.length" in known
     for path in known:
         value = np.asarray(paths.get(machine, path))
         assert np.array_equal(np.asarray(paths.get(paths.put(machine, {path: value}), path)), value)

@@ -10,12 +10,16 @@ import pytest
 
 import mckibben as mk
 from mckibben.assembly.build import rig_cord, unit_from_specimen
-from mckibben.bench.rig import SOUND_GRIP, RigFaults
+from mckibben.bench.hardware import stand
+from mckibben.bench.rig import SOUND_GRIP, Plumbing, RigFaults
 from mckibben.bench.rig_file import read_rig, rig, rig_names
 from mckibben.bench.software.interlocks import Trip
+from mckibben.components.module import Module
 from mckibben.errors import InputError
 from mckibben.experiments.read import protocol
 from mckibben.muscles.elements import Tendon
+from mckibben.pneumatics import compressor, orifice, solenoid, tubes, valves, volume
+from mckibben.quantities import declared
 from mckibben.recordings.calibration import Calibration, Correction
 
 
@@ -153,6 +157,23 @@ def test_what_is_wrong_in_a_rig_is_named_by_its_path(case):
         read_rig(changed, where="mine.toml")
     assert "mine.toml" in str(error.value) and path[-1] in str(error.value), error.value
     assert said in str(error.value), error.value
+
+
+# Bounds alone refuse a slip of these, or what is mounted and connected judges them: spans, gauge pressures, temperatures.
+JUDGED_ELSEWHERE = {"ambient", "pressure_abs", "temperature", "wall_temperature", "roughness", "linear_band", "start"}
+PARTS = [
+    part
+    for module in (compressor, orifice, solenoid, tubes, valves, volume, stand)
+    for part in vars(module).values()
+    if isinstance(part, type) and issubclass(part, Module) and part is not Module
+]
+
+
+@pytest.mark.parametrize("part", [*dict.fromkeys(PARTS), Plumbing], ids=lambda part: part.__name__)
+def test_each_number_of_a_rig_or_circuit_has_a_usual_range(part):
+    """Without one a slip of the unit is silent: bounds are as wide as what somebody may build."""
+    wide = {name for name, q in declared(part).items() if q.typical == q.bounds and q.unit not in ("1", "flag")}
+    assert wide <= JUDGED_ELSEWHERE
 
 
 @pytest.mark.parametrize("value", [0.05, "0.05", "5 %"])

@@ -132,7 +132,7 @@ def test_a_bad_record_gives_one_line_and_exit_code_2(run, tmp_path, text, says):
         (("good.csv", "good.csv"), "twice"),
         (("good.csv", "--free", "elements.hole.conductanec"), "Known are elements.hole.conductance"),
         (("good.csv", "--free", "signals.wihs.delay"), "Known are signals.wish.delay"),
-        (("good.csv", "--free", HOLE, "--start", "nodes.tank.size=1 l"), "it is not free"),
+        (("good.csv", "--free", HOLE, "--start", "nodes.tank.volume=1 l"), "it is not free"),
         (("good.csv", "--free", HOLE, "--start", f"{HOLE}=1 bar"), "start of elements.hole.conductance"),
         (("good.csv", "--free", HOLE, "--start", f"{HOLE}=-1e-9"), "must be"),
         (("good.csv", "--column", "tank.pressure=7"), "must be between 1 and 2"),

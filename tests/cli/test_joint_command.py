@@ -35,6 +35,14 @@ def test_commands_over_time_become_a_recording_that_can_be_played_again(run, tmp
     np.testing.assert_array_equal(records[0]["flexor.command"][[0, 9, 10, 49]], [0.0, 0.0, 0.3, 0.3])
 
 
+def test_a_command_after_the_end_is_said_to_be_left_out(run):
+    code, _, err = run("--command", "flexor=0, 0.1 @ 20 s", "--duration", "20 ms")
+    assert (
+        code == 0 and "command flexor changes at 20 s, and the run ends at 0.02 s: what begins then is left out" in err
+    )
+    assert "left out" not in run("--command", "flexor=0, 0.1 @ 18 ms", "--duration", "20 ms")[2]
+
+
 @pytest.mark.parametrize("times", [("0", "0.05", "0.1"), ("5", "5.05", "5.1")])
 def test_a_table_is_played_from_its_first_time_on(run, tmp_path, times):
     table = tmp_path / "commands.csv"

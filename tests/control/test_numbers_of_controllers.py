@@ -6,6 +6,7 @@ each is a sentence or a caution, which is a warning too.
 
 import inspect
 import math
+import re
 import warnings
 
 import numpy as np
@@ -190,3 +191,38 @@ def test_an_integral_rests_alike_by_numpy_and_by_jax():
     for k, rests in enumerate([0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]):
         one, other = one.add(0.1 * k, rests, 0.01), other.add(0.1 * k, rests, 0.01, np)
         assert float(one.value) == float(other.value) and float(one.rests) == float(other.rests)
+
+
+@pytest.mark.parametrize(
+    ("slope", "sentence"),
+    [
+        (0.0, "slope of muscle is 0: must not be 0|slope of muscle must not be 0"),
+        (1e5, "slope of muscle of 100000 makes commands of"),
+        (1e-5, "was 6 bar meant"),
+    ],
+)
+def test_a_slope_that_turns_limits_into_commands_that_cannot_be_meant_is_said(slope, sentence, tasks):
+    assert re.search(sentence, said(lambda: of_task(tasks, actuators={"muscle": (0.0, slope)}, limits=(0.0, 6e5))))
+
+
+def test_a_slope_that_hardly_moves_a_valve_is_said():
+    spool = mk.Simulation(mk.Weight("nylon", mass="2 kg"), mk.Air(), period="5 ms")
+    fields = {"model": spool, "field": "position", "zero": 0.1, "sign": 1, "limits": (-1, 1)}
+    assert "hardly any of its range" in said(lambda: ControlTask(**fields, actuators={"muscle": (0, 1e-3)}))
+    assert said(lambda: ControlTask(**fields, actuators={"muscle": (0, 0.5)})) == ""
+
+
+@pytest.mark.parametrize("reference", REFERENCES.values())
+def test_samples_show_their_reference_or_are_refused(reference):
+    with pytest.raises(mk.InputError, match=f"period .*must be shorter: between samples {reference.name}"):
+        reference.samples("10 s" if reference.duration > 10.0 else "5 s")
+    with pytest.raises(mk.InputError, match="must be shorter"):
+        reference.samples(2.5 if reference.hold else 1.0)
+    assert len(reference.samples("10 ms")) == round(reference.duration / 0.01)
+
+
+def test_a_controller_is_scored_once():
+    with pytest.raises(mk.InputError, match="controller .*must be stated once"):
+        score("memory-inverse, pid, memory-inverse", plants=0, duration="4 s")
+    with pytest.raises(mk.InputError, match="must be stated once"):
+        score([lambda task: PID(task), lambda task: LQI(task)], plants=0, duration="4 s")

@@ -17,7 +17,7 @@ from mckibben.pneumatics.volume import FixedVolume
 
 ROOM, SAMPLES, MUSCLES = 101325.0, 40, 16
 NAMES = [f"m{k}" for k in range(MUSCLES)]
-TANK = {"tank": FixedVolume(size=2e-4), "feed": Orifice(conductance=2e-7)}
+TANK = {"tank": FixedVolume(volume=2e-4), "feed": Orifice(conductance=2e-7)}
 ARMS = {n: MomentArm(coefficients=np.array([0.02, 0.001]) * (1 - 2 * (k % 2)), span=0.14) for k, n in enumerate(NAMES)}
 LINK = {"length": 0.2, "mass": 0.3, "centre": 0.1, "inertia": 1e-3}
 LOADS = {
@@ -92,7 +92,7 @@ def filled(count, tank):
 
 def test_muscles_on_one_tank_are_as_many_single_ones_on_their_shares_of_it():
     kind, together = filled(MUSCLES, TANK)
-    share = {"tank": FixedVolume(size=2e-4 / MUSCLES), "feed": Orifice(conductance=2e-7 / MUSCLES)}
+    share = {"tank": FixedVolume(volume=2e-4 / MUSCLES), "feed": Orifice(conductance=2e-7 / MUSCLES)}
     other, single = filled(1, share)
     assert (kind, other) == (CoupledRun, EngineFunction)
     assert np.ptp(single["m0.pressure"]) > 1e5

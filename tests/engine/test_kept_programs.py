@@ -125,7 +125,7 @@ def test_a_function_that_was_replaced_is_found_out(monkeypatch):
 
 def test_a_method_in_a_tree_is_known_by_its_function_and_its_owner():
     def chamber(law):
-        return MovingVolume(of=law.braid_volume, ambient=1e5, dead=1e-6, signal="m.length")
+        return MovingVolume(of=law.braid_volume, ambient=1e5, dead_volume=1e-6, signal="m.length")
 
     laws = [unit_from_specimen(name).law for name in ("nylon", "nylon", "fiberglass", "dmsp-20-300")]
     keys = [march_key(chamber(law)) for law in laws]

@@ -93,7 +93,7 @@ def circuit():
     """Two tanks, a tube with its inertia, and two valves that choke and are crossed both ways."""
     nodes = {
         "supply": Reservoir(pressure_abs=7e5), "room": Reservoir(pressure_abs=101325.0),
-        "near": FixedVolume(size=2e-5, heat=WallHeat(conductance=0.1)), "far": FixedVolume(size=8e-5),
+        "near": FixedVolume(volume=2e-5, heat=WallHeat(conductance=0.1)), "far": FixedVolume(volume=8e-5),
     }  # fmt: skip
     valve = Orifice(conductance=4e-9)
     branches = {

@@ -37,7 +37,7 @@ def muscle() -> tuple[Machine, tuple[Any, Any]]:
     heat = WallHeat(conductance=0.2, wall_temperature=TEMPERATURE)
     nodes = {
         "supply": Reservoir(temperature=TEMPERATURE, signal="supply"),
-        "m": MovingVolume(of=one.law.braid_volume, ambient=ROOM, dead=1e-6, signal="m.length", heat=heat),
+        "m": MovingVolume(of=one.law.braid_volume, ambient=ROOM, dead_volume=1e-6, signal="m.length", heat=heat),
     }
     circuit = Circuit.of(nodes, {"m.valve": Branch(Orifice(conductance=4e-9), ("supply", "m"))})
     machine = Machine.of(circuit, {"m": one}, PlateLoad(held=("m",), span=0.16))
@@ -72,7 +72,7 @@ def muscle_values() -> list[Any]:
 
 def muscle_places() -> list[int]:
     names = [leaf.name for leaf in muscle_program().arguments]
-    wanted = ("end_mass", "viscosity", "conductance", "dead")
+    wanted = ("end_mass", "viscosity", "conductance", "dead_volume")
     return [next(k for k, n in enumerate(names) if n.endswith(w)) for w in wanted]
 
 

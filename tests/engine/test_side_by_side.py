@@ -71,7 +71,7 @@ def test_a_change_of_one_muscle_changes_its_channels_only():
 
 
 def test_muscles_that_act_on_each_other_stay_together():
-    tank = {"tank": FixedVolume(size=1e-4), "feed": Orifice(conductance=4e-9)}
+    tank = {"tank": FixedVolume(volume=1e-4), "feed": Orifice(conductance=4e-9)}
     machine, *_ = rig(**tank)
     assert machine.names_by_part() == {}
     arms = {f"m{k}": MomentArm(coefficients=np.array([0.02 if k % 2 else -0.02]), span=0.14) for k in range(MUSCLES)}

@@ -50,7 +50,7 @@ duration = "20 ms"
 
 
 def circuit(tube: str = "tube") -> Circuit:
-    nodes = {"p": Reservoir(signal="p"), "tank": FixedVolume(size=5e-5, heat=Isothermal())}
+    nodes = {"p": Reservoir(signal="p"), "tank": FixedVolume(volume=5e-5, heat=Isothermal())}
     return Circuit.of(nodes, {tube: Branch(LinearTube(resistance=1e8), ("p", "tank"))})
 
 
@@ -105,7 +105,7 @@ def test_a_trial_refuses_what_is_no_record() -> None:
         (["signals.pp.delay"], {}, "Known are signals.p.delay"),
         ([FREE, "elements.*.resistance"], {}, "is free already, by elements.tube.resistance"),
         (["*"], {}, "one value cannot be"),
-        ([FREE], {"nodes.tank.size": 1e-4}, f"it is not free; free are {FREE}"),
+        ([FREE], {"nodes.tank.volume": 1e-4}, f"it is not free; free are {FREE}"),
         ([FREE], {FREE: -1.0}, "must be"),
         ([FREE], {FREE: float("nan")}, "must be"),
         (["signals.p.delay"], {"signals.p.delay": 2.0}, "must be"),

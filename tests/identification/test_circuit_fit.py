@@ -164,7 +164,7 @@ def test_two_like_holes_a_leak_and_a_volume_are_found_at_once(plan):
         "elements.to_*.conductance": 6e-9,
         "elements.to_*.critical_ratio": 0.28,
         "elements.leak.conductance": 1e-9,
-        "nodes.other.size": 8e-5,
+        "nodes.other.volume": 8e-5,
     }
     found = fit_circuit([trial], list(truth), step=STEP)
     assert_found(found, truth, within=0.1)
@@ -192,7 +192,7 @@ def test_the_dead_time_of_a_valve_and_the_delay_of_an_input_are_found(plan):
 def driven(element, name: str, period: float, seed: int, truth: dict[str, float] | None = None) -> Trial:
     """A tank of 50 ml at the end of an element, driven by 0 to 4 bar of a sweep; its pressure as the truth makes it."""
     circuit = Circuit.of(
-        {"p": Reservoir(signal="p"), "tank": FixedVolume(size=5e-5, heat=Isothermal())},
+        {"p": Reservoir(signal="p"), "tank": FixedVolume(volume=5e-5, heat=Isothermal())},
         {"tube": Branch(element, ("p", "tank"))},
     )
     t = period * np.arange(101)
@@ -228,7 +228,7 @@ def test_a_chain_of_three_volumes_is_found_by_the_stiff_method():
     names = ("first", "second", "third")
     holes = zip(("p", *names), names, strict=False)
     circuit = Circuit.of(
-        {"p": Reservoir(signal="p"), **{n: FixedVolume(size=1e-5, heat=Isothermal()) for n in names}},
+        {"p": Reservoir(signal="p"), **{n: FixedVolume(volume=1e-5, heat=Isothermal()) for n in names}},
         {f"to_{b}": Branch(Orifice(conductance=1.5e-8, critical_ratio=0.28), (a, b)) for a, b in holes},
     )
     path, period, start = "elements.to_*.conductance", 2e-3, dict.fromkeys(names, ROOM)
@@ -246,11 +246,11 @@ def test_a_chain_of_three_volumes_is_found_by_the_stiff_method():
 def test_intervals_of_95_percent_hold_the_truth_in_95_percent_of_records():
     """White noise of 1 kPa on 60 samples of a tank that leaks; the count is binomial, and its bounds hold in 99.8 %."""
     records, period = 80, 5e-3
-    truth = {"elements.leak.conductance": 2e-9, "nodes.tank.size": 5e-5}
+    truth = {"elements.leak.conductance": 2e-9, "nodes.tank.volume": 5e-5}
     circuit = Circuit.of(
         {
             "room": Reservoir(pressure_abs=ROOM),
-            "tank": FixedVolume(size=5e-5, heat=Isothermal()),
+            "tank": FixedVolume(volume=5e-5, heat=Isothermal()),
             "source": Reservoir(pressure_abs=4e5),
         },
         {

@@ -23,6 +23,7 @@ from mckibben.recordings import ForceMap
 
 PERIOD, SAMPLES, ROOM = 5e-3, 40, 101325.0
 LEAK = "elements.leak.conductance"
+VESSELS = ("tank", "other")
 STANDSTILL = "its first guesses are no minimum"
 
 
@@ -30,8 +31,8 @@ def leaking(noise: float = 1e3, conductance: float = 2e-9) -> Trial:
     """A tank that leaks, and another one beside it whose pressure nobody measured."""
     leaks = {"leak": Leak(conductance=conductance), "unseen": Leak(conductance=1e-9)}
     circuit = Circuit.of(
-        {"room": Reservoir(pressure_abs=ROOM), **{n: FixedVolume(size=5e-5, heat=Isothermal()) for n in ("tank", "other")}},
-        {n: Branch(leak, (v, "room")) for (n, leak), v in zip(leaks.items(), ("tank", "other"), strict=True)},
+        {"room": Reservoir(pressure_abs=ROOM), **{n: FixedVolume(volume=5e-5, heat=Isothermal()) for n in VESSELS}},
+        {n: Branch(leak, (v, "room")) for (n, leak), v in zip(leaks.items(), VESSELS, strict=True)},
     )  # fmt: skip
     still, initial = {"time": held(np.zeros(SAMPLES))}, {"tank": 5e5, "other": 5e5}
     first = Trial("leaking", circuit, still, initial, {"tank.pressure_abs": np.full(SAMPLES, 5e5)}, PERIOD)
@@ -41,12 +42,12 @@ def leaking(noise: float = 1e3, conductance: float = 2e-9) -> Trial:
 
 
 def test_a_parameter_of_a_circuit_that_no_record_shows_is_named():
-    free = [LEAK, "elements.unseen.conductance", "nodes.other.size"]
+    free = [LEAK, "elements.unseen.conductance", "nodes.other.volume"]
     with pytest.raises(InputError) as refused:
         fit_circuit([leaking(conductance=3e-9)], free, step=PERIOD)
     assert str(refused.value) == (
-        "free is 'elements.unseen.conductance, nodes.other.size': the data of leaking do not depend on them, so no fit can "
-        "find them: fix these parameters, or begin with other values"
+        "free is 'elements.unseen.conductance, nodes.other.volume': the data of leaking do not depend on them, so no fit "
+        "can find them: fix these parameters, or begin with other values"
     )
     # fixed, they harm nothing
     assert fit_circuit([leaking(conductance=3e-9)], free[:1], step=PERIOD).parameters[LEAK].value == pytest.approx(

@@ -58,11 +58,11 @@ def shared(heat=ADIABATIC):
     lines = {
         "a": AirLine(heat=heat),
         "b": AirLine(heat=heat, port_volume=4e-6),
-        "c": AirLine(heat=heat, dead=1e-6),
+        "c": AirLine(heat=heat, dead_volume=1e-6),
     }
     return several(
         {n: unit(rubs=False) for n in names}, PlateLoad(held=names, signal="x"), supply=SUPPLY, line=lines,
-        tank=FixedVolume(size=1e-4, heat=heat), feed=Orifice(conductance=4e-9),
+        tank=FixedVolume(volume=1e-4, heat=heat), feed=Orifice(conductance=4e-9),
     )  # fmt: skip
 
 

@@ -145,6 +145,10 @@ def test_every_answer_says_overstretched(length):
         with pytest.warns(UserWarning, match=f"overstretched: a length of {length} is beyond .* 15.4 cm"):
             question(length, "3 bar")
     assert muscle.law.state(0.16, 3e5).overstretched
+    ends = {"15.9 cm": "there its threads hold", "16 cm": "its threads break at 15.94 cm", "30 cm": "no muscle pulls"}
+    for length, end in ends.items():
+        with pytest.warns(UserWarning, match=f"overstretched: a length of {length} is .*{end}"):
+            muscle.tension(length, "3 bar")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         muscle.tension("15.4 cm", "3 bar")

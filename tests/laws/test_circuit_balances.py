@@ -51,9 +51,9 @@ def network(tube: str, heats: tuple[str, str, str], x: list[float]) -> Circuit:
     return Circuit.of(
         {
             "supply": Reservoir(pressure_abs=4e5 + 5e5 * x[5], temperature=280.0 + 30.0 * x[6]),
-            "manifold": FixedVolume(size=2e-5 + 1e-4 * x[7], heat=manifold),
-            "muscle": MovingVolume(of=MUSCLE.braid_volume, dead=2e-6, heat=muscle),
-            "tank": FixedVolume(size=5e-5 + 5e-4 * x[8], heat=tank),
+            "manifold": FixedVolume(volume=2e-5 + 1e-4 * x[7], heat=manifold),
+            "muscle": MovingVolume(of=MUSCLE.braid_volume, dead_volume=2e-6, heat=muscle),
+            "tank": FixedVolume(volume=5e-5 + 5e-4 * x[8], heat=tank),
             "room": Reservoir(temperature=300.0),
         },
         {
@@ -125,8 +125,8 @@ def test_a_stiff_circuit_keeps_its_accounts_too():
     circuit = Circuit.of(
         {
             "supply": Reservoir(pressure_abs=7.9e5),
-            "valve": FixedVolume(size=1e-6, heat=adiabatic()),
-            "tank": FixedVolume(size=1e-4, heat=WallHeat(conductance=0.2)),
+            "valve": FixedVolume(volume=1e-6, heat=adiabatic()),
+            "tank": FixedVolume(volume=1e-4, heat=WallHeat(conductance=0.2)),
         },
         {
             "fill": Branch(valve, ("supply", "valve"), "fill"),

@@ -121,7 +121,7 @@ def circuit(block, muscle):
     law = law_from_specimen(specimen("nylon"))
     nodes = {
         "supply": Reservoir(pressure_abs=7.9e5),
-        "valve": FixedVolume(size=2e-6, heat=block),
+        "valve": FixedVolume(volume=2e-6, heat=block),
         "muscle": MovingVolume(of=law.braid_volume, heat=muscle),
         "room": Reservoir(),
     }
@@ -170,7 +170,7 @@ def test_mass_and_energy_of_a_moving_muscle_close(block, muscle):
 def test_charging_a_vessel_ends_where_theory_says(heat, exponent):
     room = 300.0
     system = Circuit.of(
-        {"supply": Reservoir(pressure_abs=6e5, temperature=room), "tank": FixedVolume(size=1e-4, heat=heat)},
+        {"supply": Reservoir(pressure_abs=6e5, temperature=room), "tank": FixedVolume(volume=1e-4, heat=heat)},
         {"valve": Branch(Orifice(conductance=2e-8), ("supply", "tank"), "open")},
     )
     start = system.initial({"tank": 1e5}, temperature=room)
@@ -185,7 +185,7 @@ def test_charging_a_vessel_ends_where_theory_says(heat, exponent):
 def test_two_volumes_and_a_linear_tube_follow_the_exact_exponential():
     v1, v2, r = 1e-4, 3e-4, 2e7
     tube = TUBES["linear"](resistance=r)
-    system = Circuit.of({"a": FixedVolume(size=v1), "b": FixedVolume(size=v2)}, {"tube": Branch(tube, ("a", "b"))})
+    system = Circuit.of({"a": FixedVolume(volume=v1), "b": FixedVolume(volume=v2)}, {"tube": Branch(tube, ("a", "b"))})
     start = system.initial({"a": 5e5, "b": 1e5})
     run = integrate(system, start, {"none": held(np.zeros(101))}, period=PERIOD, step_size=50e-6)
     rt = float(AIR.gas_constant) * T0
@@ -197,9 +197,13 @@ def test_two_volumes_and_a_linear_tube_follow_the_exact_exponential():
 @pytest.mark.parametrize(
     ("nodes", "branches", "says"),
     [
-        ({"a": FixedVolume(size=1e-4)}, {"v": Branch(Orifice(conductance=1e-8), ("a", "nowhere"))}, "leads to no node"),
         (
-            {"a": FixedVolume(size=1e-4), "b": Reservoir()},
+            {"a": FixedVolume(volume=1e-4)},
+            {"v": Branch(Orifice(conductance=1e-8), ("a", "nowhere"))},
+            "leads to no node",
+        ),
+        (
+            {"a": FixedVolume(volume=1e-4), "b": Reservoir()},
             {"v": Branch(Orifice(conductance=1e-8), ("a", "a"))},
             "same node",
         ),
@@ -218,15 +222,15 @@ def test_an_open_circuit_is_refused(nodes, branches, says):
 def test_bounds_are_checked():
     with pytest.raises(InputError, match="critical_ratio"):
         Orifice(conductance=1e-8, critical_ratio=1.2)
-    with pytest.raises(InputError, match="size"):
-        FixedVolume(size=0.0)
+    with pytest.raises(InputError, match="volume"):
+        FixedVolume(volume=0.0)
 
 
 @pytest.mark.parametrize("conductance", [5e-9, 2e-8, 1e-7, 1e-6])
 def test_a_small_pocket_fills_to_its_supply_however_large_the_orifice(conductance):
     """While it chokes, the slope that the stiff method sees is zero, and a step of 50 us is up to 2500 time constants."""
     pocket = Circuit.of(
-        {"supply": Reservoir(pressure_abs=6e5), "pocket": FixedVolume(size=1e-7, heat=adiabatic())},
+        {"supply": Reservoir(pressure_abs=6e5), "pocket": FixedVolume(volume=1e-7, heat=adiabatic())},
         {"orifice": Branch(Orifice(conductance=conductance), ("supply", "pocket"))},
     )
     start, signals = pocket.initial({"pocket": 1e5}), {"clock": held(np.zeros(11))}
@@ -241,7 +245,7 @@ def test_a_small_pocket_fills_to_its_supply_however_large_the_orifice(conductanc
 
 def test_a_pressure_below_vacuum_is_no_result():
     pocket = Circuit.of(
-        {"supply": Reservoir(pressure_abs=6e5), "pocket": FixedVolume(size=1e-4)},
+        {"supply": Reservoir(pressure_abs=6e5), "pocket": FixedVolume(volume=1e-4)},
         {"tube": Branch(LumpedTube(length=1.0, diameter=4e-3), ("supply", "pocket"))},
     )
     state = pocket.initial({"pocket": 1e5})

@@ -306,15 +306,15 @@ def test_a_real_ogden_exponent_gives_the_energy_of_the_whole_number_and_passes_t
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, 1.6, 3.0])
 def test_a_muscle_sweeps_less_the_shorter_it_is_until_it_sweeps_nothing(angle):
     share, swept = 0.8, 2e-5
-    volume = CompliantVolume(size=4e-5, compliance=1e-11, swept=swept, saturation=share)
-    state = volume.volume(3e5, angle, 2.0)
-    plane = CompliantVolume(size=4e-5, compliance=1e-11, swept=swept).volume(3e5, angle, 2.0)
+    volume = CompliantVolume(volume=4e-5, compliance=1e-11, swept=swept, saturation=share)
+    state = volume.volume_state(3e5, angle, 2.0)
+    plane = CompliantVolume(volume=4e-5, compliance=1e-11, swept=swept).volume_state(3e5, angle, 2.0)
     reach = min(angle, 1.0 / share)
     # the same polynomial in another order: rounding
     assert float(plane.value - state.value) == pytest.approx(
         swept * (angle - reach + 0.5 * share * reach**2), abs=1e-18
     )
-    slope = jax.grad(lambda x: volume.volume(3e5, x, 0.0).value)(angle)
+    slope = jax.grad(lambda x: volume.volume_state(3e5, x, 0.0).value)(angle)
     assert float(state.moving) == pytest.approx(2.0 * float(slope), rel=1e-12, abs=1e-18)
     assert float(state.per_pressure) == 1e-11
 

@@ -21,8 +21,8 @@ def network(conductance):
     return Circuit.of(
         {
             "supply": Reservoir(pressure_abs=SUPPLY, temperature=310.0),
-            "block": FixedVolume(size=1e-4, heat=adiabatic()),
-            "tank": FixedVolume(size=3e-4, heat=WallHeat(conductance=0.5)),
+            "block": FixedVolume(volume=1e-4, heat=adiabatic()),
+            "tank": FixedVolume(volume=3e-4, heat=WallHeat(conductance=0.5)),
             "room": Reservoir(),
         },
         {

@@ -26,7 +26,7 @@ ONE, TWO = FrictionLimit(constant=1.0), FrictionLimit(constant=np.array([1.0, 2.
 PATH = TensionPath(np.linspace(0.1, 0.2, 11), np.linspace(1.0, 2.0, 11), 0.01)
 TUBE = DistributedTube(length=1.0, diameter=4e-3, cells=4)
 END = ReservoirEnd(pressure_abs=1e5)
-VESSEL = {"a": FixedVolume(size=1e-4), "b": Reservoir()}
+VESSEL = {"a": FixedVolume(volume=1e-4), "b": Reservoir()}
 
 
 def circuit(element, ports=("a", "b"), **command):

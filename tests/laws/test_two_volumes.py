@@ -43,7 +43,7 @@ def run(nodes, start, duration, temperature=T0):
 @pytest.mark.parametrize("temperature", [T0, 350.0])
 @pytest.mark.parametrize("heat", HEATS)
 def test_choked_discharge(heat, temperature):
-    vessel = FixedVolume(size=1e-4, heat=HEATS[heat])
+    vessel = FixedVolume(volume=1e-4, heat=HEATS[heat])
     found = run({"a": vessel, "b": Reservoir(pressure_abs=1e5)}, {"a": 11e5}, 0.2, temperature)
     k = rate(1e-4, temperature)
     exact = {
@@ -60,7 +60,7 @@ def test_choked_discharge(heat, temperature):
 
 @pytest.mark.parametrize("heat", HEATS)
 def test_filling_from_a_reservoir_is_a_straight_line_and_then_a_sine(heat):
-    vessel, supply = FixedVolume(size=1e-4, heat=HEATS[heat]), 8e5
+    vessel, supply = FixedVolume(volume=1e-4, heat=HEATS[heat]), 8e5
     found = run({"a": Reservoir(pressure_abs=supply, temperature=T0), "b": vessel}, {"b": 1e5}, 0.06)
     k = rate(1e-4) * (GAMMA if heat == "adiabatic" else 1.0)  # what enters is of the reservoir's temperature
     line = 1e5 / supply + k * found.time
@@ -85,7 +85,7 @@ def time_of(ratio, k1, k2):
 
 @pytest.mark.parametrize("sizes", [(3e-4, 1e-4), (1e-4, 1e-4)], ids=["large to small", "equal"])
 def test_two_isothermal_volumes_and_an_orifice(sizes):
-    nodes = {name: FixedVolume(size=size) for name, size in zip("ab", sizes, strict=True)}
+    nodes = {name: FixedVolume(volume=size) for name, size in zip("ab", sizes, strict=True)}
     found = run(nodes, {"a": 9e5, "b": 1e5}, 0.05)
     k1, k2 = rate(sizes[0]), rate(sizes[1])
     first, second = found.outputs["a.pressure_abs"], found.outputs["b.pressure_abs"]
@@ -105,7 +105,7 @@ def test_two_isothermal_volumes_and_an_orifice(sizes):
 @pytest.mark.parametrize("heat", HEATS)
 def test_two_volumes_keep_their_mean_pressure_and_meet_there(heat):
     sizes = {"a": 2e-4, "b": 1e-4}
-    nodes = {name: FixedVolume(size=size, heat=HEATS[heat]) for name, size in sizes.items()}
+    nodes = {name: FixedVolume(volume=size, heat=HEATS[heat]) for name, size in sizes.items()}
     wide = Orifice(conductance=C, critical_ratio=B)
     system = Circuit.of(nodes, {"orifice": Branch(wide, ("a", "b"))})
     start = system.initial({"a": 9e5, "b": 1e5})

@@ -77,7 +77,7 @@ def circuit(element, heat, signal, *, size=1.5e-5):
     law = law_from_specimen(specimen("nylon"))
     nodes = {
         "supply": Reservoir(pressure_abs=7e5),
-        "before": FixedVolume(size=size, heat=heat),
+        "before": FixedVolume(volume=size, heat=heat),
         "muscle": MovingVolume(of=law.braid_volume, heat=heat),
         "room": Reservoir(),
     }
@@ -173,7 +173,7 @@ def test_a_large_valve_on_a_small_volume_says_which_step_it_needs(name):
     element, command = STIFF[name]
     ports = ("supply", "small", "room")[: len(element.ports)]
     system = Circuit.of(
-        {"supply": Reservoir(pressure_abs=7e5), "small": FixedVolume(size=1e-6), "room": Reservoir()},
+        {"supply": Reservoir(pressure_abs=7e5), "small": FixedVolume(volume=1e-6), "room": Reservoir()},
         {
             "valve": Branch(element, ports, None if command is None else "command"),
             "load": Branch(Orifice(conductance=1e-9), ("small", "room")),
@@ -221,7 +221,7 @@ def test_a_leak_is_what_its_test_states():
 def test_a_decay_test_decays_as_stated():
     leak = Leak.from_decay(200.0, volume=1e-4, pressure=6e5)
     system = Circuit.of(
-        {"vessel": FixedVolume(size=1e-4), "room": Reservoir()}, {"leak": Branch(leak, ("vessel", "room"))}
+        {"vessel": FixedVolume(volume=1e-4), "room": Reservoir()}, {"leak": Branch(leak, ("vessel", "room"))}
     )
     run = integrate(
         system, system.initial({"vessel": 6e5 + P0}, temperature=T0), {"none": held(np.zeros(11))}, period=0.01
@@ -323,7 +323,7 @@ def test_short_pulses_are_ballistic():
 def test_mean_flow_under_pulse_width_modulation_has_a_dead_zone_and_saturates():
     valve = OnOffValve(passage=NARROW, drive=DRIVE)
     system = Circuit.of(
-        {"supply": Reservoir(pressure_abs=7e5), "large": FixedVolume(size=10.0)},
+        {"supply": Reservoir(pressure_abs=7e5), "large": FixedVolume(volume=10.0)},
         {"valve": Branch(valve, ("supply", "large"), "pwm")},
     )
     start = system.initial({"large": P0})
@@ -386,7 +386,7 @@ def test_a_spool_follows_late_with_its_lag_and_no_faster_than_its_limit():
     ):
         valve = SpoolValve(fill=WIDE, vent=WIDE, lag=5e-3, speed_limit=limit, dead_time=2e-3)
         system = Circuit.of(
-            {"supply": Reservoir(pressure_abs=7e5), "work": FixedVolume(size=1e-3), "room": Reservoir()},
+            {"supply": Reservoir(pressure_abs=7e5), "work": FixedVolume(volume=1e-3), "room": Reservoir()},
             {"valve": Branch(valve, ("supply", "work", "room"), "u")},
         )
         signals = {"u": held((samples >= 10).astype(float))}
@@ -399,7 +399,7 @@ def test_a_spool_follows_late_with_its_lag_and_no_faster_than_its_limit():
 def late_spool():
     """A spool valve with a dead time of 2 ms on a vessel, and the command that opens it at sample 10."""
     valve = SpoolValve(fill=WIDE, vent=WIDE, lag=5e-3, dead_time=2e-3)
-    nodes = {"supply": Reservoir(pressure_abs=7e5), "work": FixedVolume(size=1e-3), "room": Reservoir()}
+    nodes = {"supply": Reservoir(pressure_abs=7e5), "work": FixedVolume(volume=1e-3), "room": Reservoir()}
     return Circuit.of(nodes, {"valve": Branch(valve, ("supply", "work", "room"), "u")}), held(np.arange(31.0) >= 10)
 
 
@@ -439,7 +439,7 @@ def regulated(command, load=0.0, *, start=P0, supply=7e5, size=2e-4, **options):
     """Outlet of a regulator on a vessel with a load to the room, at the end of a run."""
     options = {"fill": WIDE, "relief": WIDE, "band": 2e4} | options
     system = Circuit.of(
-        {"supply": Reservoir(pressure_abs=supply), "outlet": FixedVolume(size=size), "room": Reservoir()},
+        {"supply": Reservoir(pressure_abs=supply), "outlet": FixedVolume(volume=size), "room": Reservoir()},
         {
             "regulator": Branch(PressureRegulator(**options), ("supply", "outlet", "room"), "set"),
             "load": Branch(Orifice(conductance=load), ("outlet", "room")),
@@ -536,7 +536,7 @@ def test_a_quick_exhaust_feeds_and_then_lets_out_at_once():
 
 def tank(compressor, samples, *, load=0.0, size=1e-3, period=0.01):
     system = Circuit.of(
-        {"room": Reservoir(temperature=T0), "tank": FixedVolume(size=size)},
+        {"room": Reservoir(temperature=T0), "tank": FixedVolume(volume=size)},
         {
             "compressor": Branch(compressor, ("room", "tank")),
             "load": Branch(Orifice(conductance=load), ("tank", "room")),
@@ -663,7 +663,7 @@ def test_a_circuit_filled_with_another_gas_is_filled_with_it_everywhere():
     for element, faster in ((SMALL, 2.0), (Leak.from_flow(2e-4, pressure=6e5), 1.0)):
         ends = {}
         for of, period in ((AIR, 2e-3), (helium, 2e-3 / faster)):
-            nodes = {"supply": Reservoir(pressure_abs=7e5, temperature=T0), "tank": FixedVolume(size=1e-4)}
+            nodes = {"supply": Reservoir(pressure_abs=7e5, temperature=T0), "tank": FixedVolume(volume=1e-4)}
             filling = Circuit.of(nodes, {"way": Branch(element, ("supply", "tank"))}, gas=of)
             still = {"none": held(np.zeros(101))}
             run = integrate(filling, filling.initial({"tank": P0}), still, period=period, step_size=period / 20.0)

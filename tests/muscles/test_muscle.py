@@ -137,6 +137,17 @@ def test_a_law_alone_is_a_muscle_and_one_line():
     assert repr(muscle) == "Muscle(own, ideal)" and "\n" not in repr(mk.muscle("nylon"))
 
 
+@pytest.mark.parametrize("activation", [50, -0.1, [0.0, 1.2], "120 %"])
+def test_an_activation_beyond_its_range_is_refused(activation):
+    with pytest.raises(InputError, match="activation must be between 0 and 1, got"):
+        mk.muscle("slow-fibre").tension("10 cm", activation)
+
+
+def test_a_biological_muscle_that_is_overstretched_has_no_threads():
+    with pytest.warns(UserWarning, match="overstretched: .* there its filaments do not overlap"):
+        mk.muscle("slow-fibre").tension("30 cm", 1.0)
+
+
 def test_a_biological_muscle_is_driven_by_its_activation():
     fibre = mk.muscle("fast-fibre")
     assert fibre.tension("14 cm", 0.5) == pytest.approx(0.5 * fibre.tension("14 cm", 1.0))

@@ -48,7 +48,7 @@ class Manifold(ThreeWayValve):
 
 
 def tank(size: float = 164e-6) -> FixedVolume:
-    return FixedVolume(size=size)
+    return FixedVolume(volume=size)
 
 
 def muscle(signal: str = "length") -> MovingVolume:

@@ -214,6 +214,34 @@ def test_noise_is_said_where_it_is_larger_than_what_it_is_of_and_however_small_i
         assert len(about) == (len(sizes) if said else 0)
 
 
+def test_noise_in_words_is_the_number_that_they_say():
+    words, number = (mk.Simulation(mk.Plate("nylon"), noise={"pressure": size}) for size in ("5 mbar", 500.0))
+    assert words.reset(3).pressure == number.reset(3).pressure != 0.0
+    with pytest.raises(mk.InputError, match="noise of pressure must be a pressure"):
+        mk.Simulation(mk.Plate("nylon"), noise={"pressure": "5 N"})
+
+
+def test_a_start_pressure_is_judged_once():
+    sim = mk.Simulation(mk.Plate("nylon"), mk.Air(valve="MPYE-5-1-8-LF"))
+    with pytest.warns(mk.errors.PlausibilityWarning, match="beyond the range of the laws"):
+        sim.reset(pressure="30 bar")
+    assert [one.parameter for one in sim.cautions] == ["start pressure of muscle"]
+
+
+@pytest.mark.parametrize(("stiffness", "said"), [("100 N/m", True), ("100 N/mm", False), (5e8, True)])
+def test_a_tendon_that_can_hardly_be_meant_is_said(stiffness, said):
+    with pytest.warns(mk.errors.PlausibilityWarning, match="tendon.stiffness") if said else contextlib.nullcontext():
+        sim = mk.Simulation(mk.Plate("nylon", tendon=stiffness))
+    assert ("tendon" in repr([one.parameter for one in sim.cautions])) == said
+
+
+def test_a_refusal_names_what_was_given_as_it_was_given():
+    with pytest.raises(mk.InputError, match="links must be one Link or more, .* got 'list, Air'"):
+        mk.Chain([], mk.Air())
+    with pytest.raises(mk.InputError, match="stops must be from -10 rad to 10 rad, got -60 rad"):
+        mk.Joint("nylon", stops=(-60, 60))
+
+
 def test_a_start_pressure_that_inflates_nothing_is_said():
     sim = mk.Simulation(mk.Plate("nylon"))
     with pytest.warns(mk.errors.PlausibilityWarning, match="was 2 bar meant"):

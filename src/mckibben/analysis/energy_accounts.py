@@ -302,7 +302,7 @@ def _known(record: Recording, muscle: Any, supply: float | None, dead_volume: fl
     idle = dead_volume
     if idle is None and machine is not None:
         nodes, elements = machine.below("circuit.nodes"), machine.below("circuit.elements")
-        sizes = [float(v) for k, v in nodes.items() if k.endswith((".size", ".dead"))]
+        sizes = [float(v) for k, v in nodes.items() if k.endswith((".volume", ".dead_volume"))]
         bores = [k.removesuffix(".diameter") for k in elements if k.endswith(".diameter") and "tube" in k]
         tubes = [0.25 * np.pi * elements[f"{b}.diameter"] ** 2 * elements[f"{b}.length"] for b in bores]
         idle = sum(sizes) + sum(tubes) if sizes else None

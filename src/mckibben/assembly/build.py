@@ -226,14 +226,14 @@ class AirLine(NamedTuple):
         tube: between the valve's port and the muscle; ``"none"`` for a valve that sits on the muscle.
         port_volume: at the valve [m^3]; without a tube it belongs to the muscle's.
         heat: heat of the gas in port and muscle.
-        dead: volume of the muscle's fittings [m^3].
+        dead_volume: volume of the muscle's fittings [m^3].
     """
 
     valve: Valve | None = None
     tube: FlowElement | Literal["none"] | None = None
     port_volume: float | None = None
     heat: HeatModel | None = None
-    dead: float = 0.0
+    dead_volume: float = 0.0
 
 
 def circuit_for(
@@ -298,10 +298,10 @@ def _add(
     heat = wall if line.heat is None else line.heat
     size = _usual("port_volume") if line.port_volume is None else line.port_volume
     if not direct:
-        nodes[port] = FixedVolume(size=size, heat=heat)
-    dead = line.dead + size if direct else line.dead
+        nodes[port] = FixedVolume(volume=size, heat=heat)
+    dead_volume = line.dead_volume + size if direct else line.dead_volume
     nodes[name] = MovingVolume(
-        of=unit.law.braid_volume, ambient=room.pressure_abs, dead=dead, heat=heat, signal=f"{name}.length"
+        of=unit.law.braid_volume, ambient=room.pressure_abs, dead_volume=dead_volume, heat=heat, signal=f"{name}.length"
     )
     valve = line.valve
     if valve is None:

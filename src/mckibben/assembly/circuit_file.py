@@ -189,7 +189,7 @@ class CircuitPlan:
                 said += law_cautions(spec, law_name(node.law))
                 rest = rest_length_of(spec, node.law)
                 for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
-                    said += span_cautions(length, node.law, rest, name=f"length of {name}")
+                    said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")
             held = 0.0
             if isinstance(node.node, Reservoir):
                 held = float(node.node.pressure_abs) - float(self.environment.pressure_abs)

@@ -43,7 +43,7 @@ from ..quantities import declared, shown_unit, with_unit
 from ..schema import Place, read_number
 from ..specimens import Specimen, specimen
 
-SMALLEST = declared(FixedVolume)["size"].bounds[0]  # [m^3], of a junction beside what tubes give it
+SMALLEST = declared(FixedVolume)["volume"].bounds[0]  # [m^3], of a junction beside what tubes give it
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class _VolumeTable(_ChamberTable):
     """A rigid volume; a junction if its neighbours may give it all of it."""
 
     kind: ClassVar[str] = "volume"
-    volume: float | None = schema.like(FixedVolume, "size", key="volume", default=None)
+    volume: float | None = schema.like(FixedVolume, "volume", default=None)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
         needs = self.kind == "junction" and self.volume is None
@@ -192,7 +192,7 @@ class _VolumeTable(_ChamberTable):
         heat, words = self.heat.model(room)
         size = SMALLEST if self.volume is None else self.volume
         shown = words if needs else f"{with_unit(size, 'm^3')}, {words}"
-        node = FixedVolume(size=size, heat=heat)
+        node = FixedVolume(volume=size, heat=heat)
         return PlannedNode(node, self.kind, start=self.start(place, room), words=shown, needs_volume=needs)
 
 
@@ -207,7 +207,7 @@ class _JunctionTable(_VolumeTable):
 class _CompliantTable(_ChamberTable):
     """A volume that gives way to pressure, and may be moved by a signal."""
 
-    volume: float = schema.like(CompliantVolume, "size", key="volume")
+    volume: float = schema.like(CompliantVolume, "volume")
     compliance: float = schema.like(CompliantVolume, "compliance", default=0.0)
     swept: float | None = schema.like(CompliantVolume, "swept", default=None)
     saturation: float = schema.like(CompliantVolume, "saturation", default=0.0)
@@ -219,7 +219,7 @@ class _CompliantTable(_ChamberTable):
             problem = "goes together with the signal of the stroke: a volume that moves needs both"
             raise place.below("swept").fail(None, problem)
         node = CompliantVolume(
-            size=self.volume,
+            volume=self.volume,
             compliance=self.compliance,
             swept=_first(self.swept, 0.0),
             saturation=self.saturation,
@@ -241,7 +241,7 @@ class _MuscleNodeTable(_ChamberTable):
     parameters: dict[str, str | float] = schema.by_name((str, int, float), "a value with its unit")
     length: float | None = schema.number("m", doc="length of the muscle", default=None)
     signal: str | None = None
-    dead_volume: float = schema.like(MovingVolume, "dead", key="dead_volume", default=0.0)
+    dead_volume: float = schema.like(MovingVolume, "dead_volume", default=0.0)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
         law, title = self._law(place)
@@ -252,7 +252,7 @@ class _MuscleNodeTable(_ChamberTable):
             check_length(law, self.length, place.below("length").field, place.where or "")
         heat, words = self.heat.model(room)
         ambient, dead = float(room.pressure_abs), self.dead_volume
-        node = MovingVolume(of=law.braid_volume, ambient=ambient, dead=dead, heat=heat, signal=f"{name}.length")
+        node = MovingVolume(of=law.braid_volume, ambient=ambient, dead_volume=dead, heat=heat, signal=f"{name}.length")
         at = f"follows {self.signal}" if self.length is None else with_unit(self.length, "m")
         fittings = f", {with_unit(dead, 'm^3')} of fittings" if dead else ""
         said = f"{title}, {at}{fittings}, {words}"

@@ -57,7 +57,9 @@ class Machine(JoinedParts):
             raise InputError("load", ", ".join(load.muscles()), f"must hold {', '.join(units)}", where="machine")
         # Law and room stand once among the parameters, with the muscle and the environment: what changes them changes all.
         muscles: dict[str, Any] = {name: circuit.nodes[name] for name in units}
-        gases = {name: MuscleGas(dead=n.dead, heat=n.heat, signal=n.signal) for name, n in muscles.items()}
+        gases = {
+            name: MuscleGas(dead_volume=n.dead_volume, heat=n.heat, signal=n.signal) for name, n in muscles.items()
+        }
         circuit = circuit.replace(nodes={**circuit.nodes, **gases})
         return cls(circuit, dict(units), load, environment or Environment())
 

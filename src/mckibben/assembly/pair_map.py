@@ -56,7 +56,7 @@ def _pressure_slope(machine: Machine, state: Tree, memory: Tree, inputs: Mapping
     node: Any = circuit.nodes[name]
     p, m = state["circuit"]["pressure"][name], state["circuit"]["mass"][name]
     temperature = circuit.outputs(state["circuit"], memory["circuit"], with_lengths)[f"{name}.temperature"]
-    moved = node.volume(p, with_lengths[f"{name}.length"].value, 1.0)
+    moved = node.volume_state(p, with_lengths[f"{name}.length"].value, 1.0)
     whole = m * circuit.gas.gas_constant * temperature / p  # with the fittings and the tube's share
     closed = Inflow(jnp.zeros(()), jnp.zeros(()))
 

@@ -187,7 +187,7 @@ def _muscles(
             continue
         length = np.asarray(signals[f"{name}.length"].values)[:count]
         gauge = outputs[f"{name}.pressure_abs"] - float(node.ambient)
-        volume = np.asarray(node.of(length, gauge)) + float(node.dead)
+        volume = np.asarray(node.of(length, gauge)) + float(node.dead_volume)
         tension = np.asarray(planned.law.tension(length, gauge))
         channels[f"{name}.length"] = Channel(length, unit="m", kind="true", meaning=f"length of {name}")
         channels[f"{name}.volume"] = Channel(volume, unit="m^3", kind="true", meaning=f"volume of the gas in {name}")

@@ -256,7 +256,7 @@ def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray])
     start = load.spans(load.initial()._replace(angle=angles[0]), {})
     for muscle, held, spec in stand.muscles():
         called = f"span of {muscle} at the first angle of {with_unit(float(angles[0]), 'rad')}"
-        said += span_cautions(float(start[muscle].span), held.law, rest_length_of(spec, held.law), name=called)
+        said += span_cautions(float(start[muscle].span), held.law, rest_length_of(spec, held.law), spec, name=called)
         said += law_cautions(spec, law_name(held.law))
     return said
 

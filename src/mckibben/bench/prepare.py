@@ -147,7 +147,7 @@ class PreparedRun:
         said.append(measured_length_caution(ends, self.specimen, "span"))
         for span in ends:
             try:
-                said += span_cautions(span, self.unit.law, self.plan.rest_length)
+                said += span_cautions(span, self.unit.law, self.plan.rest_length, self.specimen)
             except InputError as error:
                 said.append(Caution(str(error), "span"))
         parts = {"plumbing": {name: vars(p) for name, p in self.rig.plumbing.items()}, "sensors": self.rig.sensors}

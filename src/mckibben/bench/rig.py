@@ -57,10 +57,18 @@ class Plumbing(Module):
     tube: FlowElement
     heat: HeatModel
     supply_pressure: Scalar = quantity("Pa", (0.0, 1e8), "gauge pressure of the supply", typical=(6e5, 1e6))
-    port_volume: Scalar = quantity("m^3", (1e-9, 1.0), "outlet of the valve and fittings", default=2e-6)
-    line_volume: Scalar = quantity("m^3", (1e-9, 1.0), "between a shut-off and the tube", default=1e-6)
-    valve_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the valve", default=0.0)
-    muscle_accumulator: Scalar = quantity("m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", default=0.0)
+    port_volume: Scalar = quantity(
+        "m^3", (1e-9, 1.0), "outlet of the valve and fittings", typical=(1e-7, 1e-4), default=2e-6
+    )
+    line_volume: Scalar = quantity(
+        "m^3", (1e-9, 1.0), "between a shut-off and the tube", typical=(1e-7, 1e-4), default=1e-6
+    )
+    valve_accumulator: Scalar = quantity(
+        "m^3", (0.0, 1.0), "accumulator at the valve", typical=(1e-6, 1e-3), default=0.0
+    )
+    muscle_accumulator: Scalar = quantity(
+        "m^3", (0.0, 1.0), "accumulator at the muscle, or in its place", typical=(1e-6, 1e-3), default=0.0
+    )
     shut_off: OnOffValve | None = None
     leak: Leak | None = None
     has_muscle: bool = field(static=True, kw_only=True, default=True)
@@ -87,23 +95,23 @@ class Plumbing(Module):
         nodes: dict[str, Reservoir | Chamber] = {
             "supply": Reservoir(pressure_abs=self.supply_pressure + room.pressure_abs, temperature=room.temperature),
             "room": Reservoir(pressure_abs=room.pressure_abs, temperature=room.temperature),
-            PORT: FixedVolume(size=self.port_volume + self.valve_accumulator, heat=self.heat),
+            PORT: FixedVolume(volume=self.port_volume + self.valve_accumulator, heat=self.heat),
         }
         if self.has_muscle:
             nodes[tested] = MovingVolume(
                 of=units[MUSCLE].law.braid_volume,
                 ambient=room.pressure_abs,
-                dead=self.muscle_accumulator,
+                dead_volume=self.muscle_accumulator,
                 heat=self.heat,
                 signal=f"{MUSCLE}.length",
             )
         else:
-            nodes[tested] = FixedVolume(size=self.muscle_accumulator, heat=self.heat)
+            nodes[tested] = FixedVolume(volume=self.muscle_accumulator, heat=self.heat)
         branches = {"valve": Branch(self.valve, ("supply", PORT, "room"), "valve")}
         begins = PORT
         if self.shut_off is not None:
             begins = LINE
-            nodes[begins] = FixedVolume(size=self.line_volume, heat=self.heat)
+            nodes[begins] = FixedVolume(volume=self.line_volume, heat=self.heat)
             branches["shut_off"] = Branch(self.shut_off, (PORT, begins), "open")
         branches["tube"] = Branch(self.tube, (begins, tested))
         if self.leak is not None:

@@ -12,6 +12,8 @@ from ..quantities import whole_number, with_unit
 from ..simulation.mechanisms import Amount, in_si
 
 MOST = 1e7  # samples of a reference; more are a slip of units
+AWAY = 0.4  # of its range that a smooth course may leave its last sample
+BETWEEN = 16  # points within a sample at which a course is looked at
 SKIPPED = 2.0  # at the beginning of a reference, in which nothing is scored [s]
 PUBLISHED_STROKES = 3.82e-3, 26.68e-3  # [m]
 HOLD = 2.0  # of the staircase [s]
@@ -48,7 +50,19 @@ class Reference:
         if not (step > 0.0 and 0.5 <= lasts / step <= MOST):
             problem = f"must be above zero and the duration, {lasts:g} s, a sample or more, {MOST:.0e} at most"
             raise InputError("period", with_unit(step, "s"), problem)
+        if not self._shows(step, lasts):
+            problem = f"must be shorter: between samples {self.name}, {self.about}, is another"
+            raise InputError("period", with_unit(step, "s"), problem)
         return self.course(step * np.arange(round(lasts / step) + whole_number(preview, "preview")))
+
+    def _shows(self, step: float, lasts: float) -> bool:
+        """Whether samples show the course: each hold, or a smooth one as about eight a period of a sine do."""
+        if self.hold:
+            return step <= self.hold
+        count = min(round(lasts / step), 1000)
+        between = self.course(step * np.arange(BETWEEN * count) / BETWEEN)
+        away = np.abs(between - np.repeat(between[::BETWEEN], BETWEEN)).max()
+        return bool(away <= AWAY * np.ptp(between))
 
 
 def _staircase(time: np.ndarray) -> np.ndarray:

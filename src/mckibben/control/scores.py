@@ -370,6 +370,8 @@ def _makers(controller: Any) -> dict[str, Callable[[ControlTask], Controller]]:
     makers: dict[str, Callable[[ControlTask], Controller]] = {}
     for one in split:
         name = one if isinstance(one, str) else getattr(one, "__name__", repr(one))
+        if name in makers:
+            raise InputError("controller", name, "must be stated once: the scores of two would have one name")
         if callable(one):
             makers[name] = one
         elif is_reference(name):

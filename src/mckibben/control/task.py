@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
@@ -11,13 +12,15 @@ import numpy as np
 
 from ..answers import Caution, collect, warn
 from ..errors import InputError
-from ..quantities import named_values, whole_number
+from ..quantities import named_values, whole_number, with_unit
 from ..simulation import Simulation
 from ..simulation.mechanisms import Amount, ends_in_si, in_si
 from ..simulation.recorded import described
+from ..simulation.stepping import CommandInput
 from ..slips import size_caution
 
 RANGES = {"m": 27e-3, "rad": 0.6}  # usual ranges of outputs [unit]
+LEAST_SHARE = 1e-2  # of the range of a command, that a controller moves
 
 
 @dataclass(frozen=True)
@@ -59,19 +62,26 @@ class ControlTask:
             raise InputError("unit", self.unit, f"must be that of the field {self.field}, {unit}")
         if self.sign not in (1, -1):
             raise InputError("sign", self.sign, "must be 1 or -1")
-        units = {drive.command: drive.unit for drive in self.model.drives}
+        drives = {drive.command: drive for drive in self.model.drives}
         driven = dict[str, tuple[float, float]]()
         for name, pair in named_values(self.actuators, "actuators").items():
-            if name not in units:
-                raise InputError("actuators", name, known=units)
+            if name not in drives:
+                raise InputError("actuators", name, known=drives)
             if not isinstance(pair, tuple | list) or len(pair) != 2:
                 raise InputError(f"actuators {name}", str(pair), "must be a pair, offset and slope")
-            driven[name] = in_si(pair[0], units[name], f"offset of {name}"), in_si(pair[1], "1", f"slope of {name}")
+            unit_of_command = drives[name].unit
+            driven[name] = in_si(pair[0], unit_of_command, f"offset of {name}"), in_si(pair[1], "1", f"slope of {name}")
+            if driven[name][1] == 0.0:
+                raise InputError(f"slope of {name}", 0, "must not be 0: the command would never change")
         if not driven:
-            raise InputError("actuators", None, f"must name one command or more of {', '.join(units)}")
-        of = units[next(iter(driven))]
+            raise InputError("actuators", None, f"must name one command or more of {', '.join(drives)}")
+        of = drives[next(iter(driven))].unit
         zero, limits = in_si(self.zero, unit, "zero"), ends_in_si(self.limits, of, "limits")
-        said = collect(size_caution(zero, unit, name="zero"), *(size_caution(u, of, name="limit") for u in limits))
+        said = collect(
+            size_caution(zero, unit, name="zero"),
+            *(size_caution(u, of, name="limit") for u in limits),
+            *(one for name, pair in driven.items() for one in _actuator_cautions(drives[name], *pair, limits)),
+        )
         for key, value in {"zero": zero, "limits": limits, "actuators": driven, "cautions": said}.items():
             object.__setattr__(self, key, value)
         warn(said, stacklevel=4)
@@ -104,6 +114,22 @@ class ControlTask:
         """The number that acts, within the limits [SI]."""
         low, high = self.limits
         return min(max(number, low), high)
+
+
+def _actuator_cautions(
+    drive: CommandInput, offset: float, slope: float, limits: tuple[float, float]
+) -> Iterator[Caution | None]:
+    """What can hardly be meant of the commands to which an offset and a slope turn the limits: a slip of the slope."""
+    ends = sorted(offset + slope * u for u in limits)
+    name = f"slope of {drive.command}"
+    shown = f"{with_unit(ends[0], drive.unit)} to {with_unit(ends[1], drive.unit)}"
+    from_limits = f"a {name} of {slope:g} makes commands of {shown} from the limits"
+    for end in ends:
+        unusual = drive.check(end)
+        yield unusual and Caution(f"{from_limits}: {unusual}", name)
+    low, high = drive.range
+    if math.isfinite(high - low) and ends[1] - ends[0] < LEAST_SHARE * (high - low):
+        yield Caution(f"{from_limits}, hardly any of its range", name)
 
 
 class Setting(NamedTuple):

@@ -358,7 +358,7 @@ class Muscle(Module):
             return ()
         least, most = float(known.min()), float(known.max())
         largest = max(least, most, key=abs)
-        far = length_caution(largest, longest, text=text) or stretch_caution(most, longest)
+        far = length_caution(largest, longest, text=text) or stretch_caution(most, longest, self.specimen)
         others = [one for one in (least, most) if far is None or (one <= longest and one != largest)]
         return collect(far, measured_length_caution(others, self.specimen))
 
@@ -373,7 +373,12 @@ class Muscle(Module):
 
     def _drive(self, value: Quantity) -> Any:
         if self.is_biological:
-            return _quantity(value, "1", "activation")
+            activation = _quantity(value, "1", "activation")
+            if _largest(activation) is not None:
+                for end in (np.nanmin(activation), np.nanmax(activation)):
+                    if not 0.0 <= end <= 1.0:
+                        raise InputError("activation", _typed(value, end), "must be between 0 and 1")
+            return activation
         pressure = _quantity(value, "Pa", "pressure")
         if _largest(pressure) is not None:
             ends = dict.fromkeys((float(np.nanmax(pressure)), min(float(np.nanmin(pressure)), 0.0)))

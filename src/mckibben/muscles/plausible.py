@@ -70,14 +70,26 @@ def largest_strain(spec: Specimen | None = None) -> float:
     return spec.property_si("largest_strain", "1")
 
 
-def stretch_caution(length: float, longest: float, *, name: str = "length") -> Caution | None:
-    """Caution about a length beyond the longest that a law is made for [m], called by a name; None if it is within."""
+def stretch_caution(
+    length: float, longest: float, spec: Specimen | None = None, *, name: str = "length"
+) -> Caution | None:
+    """Caution about a length beyond the longest that a law is made for [m], called by a name; None if it is within.
+
+    Threads hold up to the largest strain of the specimen; beyond, the law still has a tension, which no muscle has.
+    """
     if not length > longest:
         return None
     digits = next(digits for digits in (4, 6, 17) if with_unit(length, "m", digits) != with_unit(longest, "m", digits))
     shown, most = (with_unit(value, "m", digits) for value in (length, longest))
     said = f"overstretched: a {name} of {shown} is beyond the longest of this muscle's law, {most}"
-    return Caution(f"{said}; there its threads hold", name)
+    breaking = (1.0 + largest_strain(spec)) * longest
+    if spec is not None and spec.kind == "biological":
+        held = "there its filaments do not overlap"
+    elif length <= breaking:
+        held = "there its threads hold"
+    else:
+        held = f"its threads break at {with_unit(breaking, 'm')}, so that no muscle pulls like that"
+    return Caution(f"{said}; {held}", name)
 
 
 def pressure_caution(
@@ -169,7 +181,7 @@ def reached_cautions(
     """Cautions about the lengths of a braid [m] and the gauge pressures [Pa] that a muscle with a law reached in a run."""
     least, most, called = float(np.min(lengths)), float(np.max(lengths)), f"length of {name}"
     longest = float(law.length_range()[1])
-    stretched = stretch_caution(most, longest, name=called) if most > (1.0 + ROUNDING) * longest else None
+    stretched = stretch_caution(most, longest, spec, name=called) if most > (1.0 + ROUNDING) * longest else None
     return collect(
         pressure_caution(float(np.max(pressures)), spec, name=f"pressure of {name}"),
         stretched,
@@ -277,13 +289,16 @@ def span_limits(law: Any) -> tuple[float, float, float]:
     return LEAST_SPAN, LONGEST_STRAIN * longest, longest
 
 
-def span_cautions(span: float, law: Any, rest: float, *, name: str = "span") -> tuple[Caution, ...]:
+def span_cautions(
+    span: float, law: Any, rest: float, spec: Specimen | None = None, *, name: str = "span"
+) -> tuple[Caution, ...]:
     """Cautions about a span at which a muscle is mounted [m].
 
     Args:
         span: between the anchors [m].
         law: of the muscle.
         rest: its rest length [m].
+        spec: of the muscle, for the strain at which its threads break.
         name: of the span, in the sentence; the parameter of the cautions.
 
     Raises:
@@ -295,7 +310,7 @@ def span_cautions(span: float, law: Any, rest: float, *, name: str = "span") -> 
         problem = f"must be from 1 mm to {with_unit(most, 'm')} for a muscle of {at_rest} at rest"
         raise InputError(name, shown, problem)
     if span > (1.0 + ROUNDING) * longest:
-        return collect(stretch_caution(span, longest, name=name))
+        return collect(stretch_caution(span, longest, spec, name=name))
     far = length_caution(span, longest, name=name)
     if far is None and span < 0.5 * longest:
         half = with_unit(0.5 * longest, "m")

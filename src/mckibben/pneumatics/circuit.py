@@ -563,7 +563,7 @@ def idle_share(circuit: Circuit, now: Passing, line: frozenset[str]) -> Scalar:
     for name in line:
         node = circuit.nodes[name]
         if isinstance(node, MovingVolume):
-            working = working + now.volumes[name].value - node.dead - circuit.inner_volume(name)
+            working = working + now.volumes[name].value - node.dead_volume - circuit.inner_volume(name)
     return (whole - working) / whole
 
 

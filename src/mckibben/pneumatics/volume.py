@@ -81,7 +81,9 @@ class Polytropic(HeatModel):
 class WallHeat(HeatModel):
     """Heat in proportion to the difference from the wall's temperature; adiabatic with a conductance of zero."""
 
-    conductance: Scalar = quantity("W/K", (0.0, 1e4), "heat conductance to the wall", symbol="hA", default=0.0)
+    conductance: Scalar = quantity(
+        "W/K", (0.0, 1e4), "heat conductance to the wall", symbol="hA", typical=(1e-2, 5.0), default=0.0
+    )
     wall_temperature: Scalar = quantity("K", (200.0, 500.0), "temperature of the wall", symbol="Tw", default=293.15)
 
     def rates(self, at: GasState, volume: VolumeState, inflow: Inflow) -> tuple[Scalar, Scalar]:
@@ -122,21 +124,21 @@ class Chamber(Module):
     signal: AbstractVar[str | None]
 
     @abc.abstractmethod
-    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
+    def volume_state(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """The volume at an absolute pressure [Pa], a length [m] and its rate [m/s]."""
 
 
 class FixedVolume(Chamber):
     """A rigid vessel."""
 
-    size: Scalar = quantity("m^3", (1e-12, 1e3), "volume", symbol="V", typical=(1e-6, 1e-2))
+    volume: Scalar = quantity("m^3", (1e-12, 1e3), "volume", symbol="V", typical=(1e-6, 1e-2))
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default=None)
 
-    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
+    def volume_state(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """Constant."""
         zero = jnp.zeros_like(pressure_abs * 1.0)
-        return VolumeState(self.size + zero, zero, zero)
+        return VolumeState(self.volume + zero, zero, zero)
 
 
 class CompliantVolume(Chamber):
@@ -147,9 +149,13 @@ class CompliantVolume(Chamber):
     Range: where V is close to that in P' and x; never below a tenth of V0.
     """
 
-    size: Scalar = quantity("m^3", (1e-12, 1e3), "volume at rest", symbol="V0", typical=(1e-6, 1e-2))
-    compliance: Scalar = quantity("m^3/Pa", (0.0, 1e-3), "volume per pressure", symbol="c", default=0.0)
-    swept: Scalar = quantity("m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", default=0.0)
+    volume: Scalar = quantity("m^3", (1e-12, 1e3), "volume at rest", symbol="V0", typical=(1e-6, 1e-2))
+    compliance: Scalar = quantity(
+        "m^3/Pa", (0.0, 1e-3), "volume per pressure", symbol="c", typical=(1e-13, 1e-9), default=0.0
+    )
+    swept: Scalar = quantity(
+        "m^3", (-1e3, 1e3), "volume per unit of the signal", symbol="s", typical=(1e-6, 1e-2), default=0.0
+    )
     saturation: Scalar = quantity(
         "1", (0.0, 1e6), "share by which the swept volume falls off, per unit of the signal", symbol="k", default=0.0
     )
@@ -157,37 +163,37 @@ class CompliantVolume(Chamber):
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default=None)
 
-    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
+    def volume_state(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """Linear in the pressure and quadratic in the signal, with a floor."""
         fallen = jnp.minimum(self.saturation * length, 1.0)
         beyond = self.saturation * length > 1.0
         reach = jnp.where(beyond, 0.5 / jnp.where(beyond, self.saturation, 1.0), length * (1.0 - 0.5 * fallen))
-        value = self.size + self.compliance * (pressure_abs - self.ambient) + self.swept * reach
-        low = value < 0.1 * self.size
+        value = self.volume + self.compliance * (pressure_abs - self.ambient) + self.swept * reach
+        low = value < 0.1 * self.volume
         free = jnp.where(low, 0.0, 1.0)
         rate = free * self.swept * (1.0 - fallen) * velocity
-        return VolumeState(jnp.where(low, 0.1 * self.size, value), free * self.compliance, rate)
+        return VolumeState(jnp.where(low, 0.1 * self.volume, value), free * self.compliance, rate)
 
 
 class MovingVolume(Chamber):
     """A volume V(L, P') such as a muscle's, with both partial derivatives.
 
-    `of` is a function of length [m] and gauge pressure [Pa], such as ``law.braid_volume``; `dead` is what its fittings add.
+    `of` is a function of length [m] and gauge pressure [Pa], such as ``law.braid_volume``; fittings add their `dead_volume`.
     """
 
     of: Callable[[Any, Any], Any] = field(kw_only=True)
     ambient: Scalar = quantity("Pa", (0.0, 1e7), "absolute pressure outside", symbol="P0", default=101325.0)
-    dead: Scalar = quantity("m^3", (0.0, 1.0), "volume of the fittings", default=0.0)
+    dead_volume: Scalar = quantity("m^3", (0.0, 1.0), "volume of the fittings", typical=(1e-7, 1e-3), default=0.0)
     heat: HeatModel = Isothermal()
     signal: str | None = field(static=True, kw_only=True, default="length")
 
-    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
+    def volume_state(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """Value and derivatives by one forward tangent each."""
         gauge = pressure_abs - self.ambient
         length, gauge = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(gauge, float))
         value, per_pressure = jax.jvp(lambda p: self.of(length, p), (gauge,), (jnp.ones_like(gauge),))
         per_length = jax.jvp(lambda x: self.of(x, gauge), (length,), (jnp.ones_like(length),))[1]
-        return VolumeState(value + self.dead, per_pressure, per_length * velocity)
+        return VolumeState(value + self.dead_volume, per_pressure, per_length * velocity)
 
 
 class MuscleGas(MovingVolume):
@@ -198,9 +204,9 @@ class MuscleGas(MovingVolume):
 
     def within(self, of: Callable[[Any, Any], Any], ambient: Scalar) -> MovingVolume:
         """The volume by a law in a room at an absolute pressure [Pa]."""
-        return MovingVolume(of=of, ambient=ambient, dead=self.dead, heat=self.heat, signal=self.signal)
+        return MovingVolume(of=of, ambient=ambient, dead_volume=self.dead_volume, heat=self.heat, signal=self.signal)
 
-    def volume(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
+    def volume_state(self, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
         """Not known here.
 
         Raises:
@@ -212,5 +218,5 @@ class MuscleGas(MovingVolume):
 @evaluated
 @jit  # traced once for all that asks for it
 def volume_of(node: Chamber, pressure_abs: Scalar, length: Scalar, velocity: Scalar) -> VolumeState:
-    """`Chamber.volume`."""
-    return node.volume(pressure_abs, length, velocity)
+    """`Chamber.volume_state`."""
+    return node.volume_state(pressure_abs, length, velocity)

@@ -104,7 +104,7 @@ def _names(path: str, meta: Mapping[str, JsonValue]) -> Iterator[str]:
         if kind == "elements":
             yield f"{layout}.{rest}"
         elif kind == "nodes":
-            last = {"size": "port_volume", "dead": "muscle_accumulator"}.get(rest.rpartition(".")[2])
+            last = {"volume": "port_volume", "dead_volume": "muscle_accumulator"}.get(rest.rpartition(".")[2])
             yield f"{layout}.{last}" if last else f"{layout}.supply_pressure" if rest == "supply.pressure_abs" else rest
     elif head == "load":
         yield rest

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Answer, Caution, Column, Table, brief, collect, estimates
+from ..answers import Answer, Caution, Column, Table, brief, collect, estimates, warn
 from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
@@ -26,7 +26,7 @@ from ..errors import ConvergenceError, InputError
 from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude
 from ..quantities import Quantity, named_values, whole_number, with_unit
 from ..recordings.recording import Recording
-from ..slips import likely_unit
+from ..slips import likely_unit, size_caution
 from .batch import SimulationBatch
 from .kernel import SteppedSimulation
 from .mechanisms import Amount, in_si
@@ -38,6 +38,7 @@ Train = slice | tuple[Amount, Amount] | np.ndarray | None
 
 REST = 1.0  # time that a real machine has rested before its record begins [s]
 LONGEST_REST = 1e3  # [s]; every run of the record goes through it
+USUAL_REST = 1e-3, 60.0  # [s]
 STEP = 1e-4  # of the differences, of scaled parameters
 FACTORS = (0.01, 100.0)  # of what an array of numbers is scaled by
 DELAYS = (0.0, 0.5)  # of a sensor [s]
@@ -146,6 +147,7 @@ class _Drive(NamedTuple):
     pressure: dict[str, Amount]  # at the start, of muscles whose pressure is known
     held: dict[str, float]  # commands before the first sample
     settle: int  # samples before it
+    cautions: tuple[Caution, ...] = ()  # about the time of these
 
     @classmethod
     def of(
@@ -199,7 +201,9 @@ class _Drive(NamedTuple):
             rest = in_si(settle, "s", "settle")
         if not 0.0 <= rest <= LONGEST_REST:
             raise InputError("settle", f"{rest:g} s", f"must be from 0 s to {LONGEST_REST:g} s")
-        return cls(rows, pressure, held, round(rest / period))
+        said = collect(None if settle is None else size_caution(settle, "s", name="settle", usual=USUAL_REST))
+        warn(said, stacklevel=4)  # before the runs, which all go through it
+        return cls(rows, pressure, held, round(rest / period), said)
 
     def predict(
         self, simulation: SteppedSimulation, changes: Mapping[str, np.ndarray], samples: int, lanes: int
@@ -510,7 +514,7 @@ def fit(
         series=[values / comparison.weights[name] for name, values in off.items()],
         within=True,
     )
-    said = [*_beyond(train, record.time), *(Caution(warning) for warning in known.warnings)]
+    said = [*drive.cautions, *_beyond(train, record.time), *(Caution(warning) for warning in known.warnings)]
     said += [Caution(f"{name} ended at a bound", name) for name in at_bounds(parameters, best.x)]
     for (name, q), half in zip(parameters.items(), known.half, strict=True):
         if half > LOOSE and q.search == "log":

@@ -27,7 +27,14 @@ from ..muscles import Muscle
 from ..muscles.elements import Tendon
 from ..muscles.evidence import law_cautions
 from ..muscles.law import law_name
-from ..muscles.plausible import HIGHEST_PRESSURE, argument_cautions, span_cautions, span_limits, working_span
+from ..muscles.plausible import (
+    HIGHEST_PRESSURE,
+    argument_cautions,
+    parameter_cautions,
+    span_cautions,
+    span_limits,
+    working_span,
+)
 from ..quantities import amount, amounts, declared, has_dimension, parse, with_unit
 from ..specimens import Specimen, muscle_specimen
 from .stepping import CommandInput
@@ -166,6 +173,10 @@ def _check_stops(joint: Any) -> None:
     if not (isinstance(joint.stops, tuple | list) and len(joint.stops) == 2):
         raise InputError("stops", str(joint.stops), "must be a pair, the smallest and the largest angle")
     low, high = (in_si(one, "rad", "stops") for one in joint.stops)
+    for name, angle in (("lower_stop", low), ("upper_stop", high)):
+        least, most = declared(JointLoad)[name].bounds
+        if not least <= angle <= most:
+            raise InputError("stops", f"{angle:g} rad", f"must be from {least:g} rad to {most:g} rad")
     if not low < high:
         raise InputError("stops", f"{low:g} and {high:g} rad", "must be the smallest and then the largest angle")
     if not low <= joint.si("start") <= high:
@@ -667,7 +678,8 @@ class Chain(Mechanism):
 
     def __init__(self, *links: Link, gravity: Amount = GRAVITY) -> None:
         if not links or not all(isinstance(link, Link) for link in links):
-            raise InputError("links", f"{len(links)} links", "must be one Link or more")
+            given = ", ".join(type(link).__name__ for link in links) or None
+            raise InputError("links", given, "must be one Link or more, such as Chain(Link(..), Link(..))")
         object.__setattr__(self, "links", links)
         object.__setattr__(self, "gravity", gravity)
         self.__post_init__()
@@ -755,8 +767,9 @@ def default_span(muscle: AnyMuscle, unit: MuscleUnit) -> float:
 def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str) -> tuple[Caution, ...]:
     """Cautions about a muscle's law and the span at which it is mounted [m]; see `muscles.plausible.span_cautions`."""
     spec = published(muscle)
-    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), name=name)
-    return collect(*law_cautions(spec, law_name(unit.law)), *of_span)
+    of_span = span_cautions(span, unit.law, rest_length(muscle, unit), spec, name=name)
+    of_tendon = () if unit.tendon is None else parameter_cautions({"tendon": unit.tendon})
+    return collect(*law_cautions(spec, law_name(unit.law)), *of_span, *of_tendon)
 
 
 def _span(stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit) -> float:

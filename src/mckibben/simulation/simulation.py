@@ -17,7 +17,6 @@ import keyword
 import math
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -71,7 +70,8 @@ class Simulation(SteppedSimulation):
         air: an `Air`, or the path of a circuit file with the mechanism's muscles by name; `Air()` by default.
         period: period of the samples, during which commands hold [s].
         step: largest step of the physics [s]; shortened so that a whole number fits a period, and where a mode asks for it.
-        noise: standard deviation of the noise on fields of the observation, by field [SI]; none by default.
+        noise: standard deviation of the noise on fields of the observation, by field [SI, or words with a unit]; none by
+            default.
         readouts: how fields of the observation are read, by field: rounded, by a median, late, see `Readout`; as they are by
             default.
         limits: for commands the smallest and the largest value that acts, [SI] or in words; none by default.
@@ -103,7 +103,7 @@ class Simulation(SteppedSimulation):
         *,
         period: Amount = 2e-3,
         step: Amount = STEP,
-        noise: Mapping[str, float] | None = None,
+        noise: Mapping[str, Amount] | None = None,
         readouts: Mapping[str, Readout] | None = None,
         limits: Mapping[str, tuple[Amount, Amount]] | None = None,
         title: str = "",
@@ -126,9 +126,10 @@ class Simulation(SteppedSimulation):
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
         self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
-        self.noise = self._checked_noise(noise or {})
         units_of = {name: described(output)[0] for name, output in self.plant.shown}
-        said += [noise_caution(float(size), units_of[name], of=name) for name, size in (noise or {}).items()]
+        sizes = _noise_sizes(noise or {}, units_of)
+        self.noise = np.array([sizes.get(name, 0.0) for name in units_of]) if sizes else None
+        said += [noise_caution(size, units_of[name], of=name) for name, size in sizes.items()]
         self.readouts = ReadoutLines(readouts or {}, units_of, self.period)
         self.depth = self._depth()
         example = self._carry(self._start_pressures, self.start_commands())
@@ -208,7 +209,7 @@ class Simulation(SteppedSimulation):
             InputError: names an unknown muscle or command, or a pressure that is none.
         """
         starts = self._pressures(pressure)
-        first = self.start_commands(starts)
+        first = self._commands_at(starts)
         for name, value in commands.items():
             self._place(name)
             first[name] = in_si(value, self._unit(name), name)
@@ -477,12 +478,15 @@ class Simulation(SteppedSimulation):
 
     def start_commands(self, pressure: StartPressure | None = None) -> dict[str, float]:
         """Commands at the start [SI]; see `reset`."""
-        starts = self._pressures(pressure)
+        return self._commands_at(self._pressures(pressure))
+
+    def _commands_at(self, starts: Mapping[str, float]) -> dict[str, float]:
         return self._start_commands | {c: starts[muscle] for c, muscle in self.air.settles.items()}
 
     def rest_state(self, pressure: StartPressure | None = None) -> tuple[np.ndarray, np.ndarray]:
         """What goes into the first sample, and the observation there, as vectors; see `reset`."""
-        return self._rest(self._pressures(pressure), self.start_commands(pressure))
+        starts = self._pressures(pressure)
+        return self._rest(starts, self._commands_at(starts))
 
     def _rest(self, starts: Mapping[str, float], commands: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         key = tuple(starts.values()), tuple(commands[name] for name in self.commands)
@@ -523,16 +527,6 @@ class Simulation(SteppedSimulation):
         delays = [e.delay() for e in self.machine.circuit.elements.values()]
         longest = max((float(np.max(d)) for d in delays if d is not None), default=0.0)
         return math.floor(longest / self.period + 1e-9) + 2
-
-    def _checked_noise(self, noise: Mapping[str, float]) -> np.ndarray | None:
-        names = [name for name, _ in self.plant.shown]
-        for name, value in named_values(noise, "noise").items():
-            if name not in names:
-                raise InputError("noise", name, known=names)
-            size = float(value) if not isinstance(value, bool) and isinstance(value, Real) else math.nan
-            if not (math.isfinite(size) and size >= 0.0):
-                raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
-        return np.array([float(noise.get(name, 0.0)) for name in names]) if noise else None
 
     def _unit(self, command: str) -> str:
         return self._drive(command).unit
@@ -643,7 +637,7 @@ class Simulation(SteppedSimulation):
                 far = f"a rest length of {name}{of} of {shown} is far from the lengths of its law, {ends}"
                 said.append(Caution(far, f"rest length of {name}{of}"))
             try:
-                said += span_cautions(float(spans[name].span), unit.law, rest, name=called)
+                said += span_cautions(float(spans[name].span), unit.law, rest, self._specimen_of(name), name=called)
             except InputError as error:  # a span that comes may suit what is changed now
                 said.append(Caution(str(error), called))
         return collect(*said)
@@ -677,6 +671,18 @@ def _whole_steps(period: float, step: float) -> int:
         problem = f"must be {with_unit(period / MOST_STEPS, 's')} or more at a period of {with_unit(period, 's')}"
         raise InputError("step", with_unit(step, "s"), f"{problem}: a period takes at most {MOST_STEPS:,} steps")
     return max(1, math.ceil(period / step - 1e-9))
+
+
+def _noise_sizes(noise: Mapping[str, Amount], units_of: Mapping[str, str]) -> dict[str, float]:
+    """Standard deviations of the noise on fields of the observation [SI]."""
+    sizes = {}
+    for name, value in named_values(noise, "noise").items():
+        if name not in units_of:
+            raise InputError("noise", name, known=units_of)
+        sizes[name] = in_si(value, units_of[name], f"noise of {name}")
+        if not sizes[name] >= 0.0:
+            raise InputError(f"noise of {name}", value, "must be a standard deviation of 0 or more")
+    return sizes
 
 
 def _limited(drives: tuple[CommandInput, ...], limits: Mapping[str, tuple[Amount, Amount]]) -> tuple[CommandInput, ...]:

@@ -129,7 +129,7 @@ class CommandInput(NamedTuple):
                 said = f"{above}, which is all that comes" if value > reach + LEAST_PRESSURE else ""
                 return unusual or (Caution(said, f"command {self.command}") if said else None)
             if self.straight and value > self.usual[1]:  # a span
-                return stretch_caution(value, self.usual[1], name=f"command {self.command}")
+                return stretch_caution(value, self.usual[1], spec, name=f"command {self.command}")
             return size_caution(value, self.unit, name=f"command {self.command}", usual=self.usual)
         if self.hard:
             raise InputError(self.command, shown, f"must be from {ends}")

@@ -126,8 +126,9 @@ def record_joint(
             problem = "must stand without {play} and {commands}, which drive the valves directly"
             raise InputError("angle", angle, problem)
         seconds = 1.0 if duration is None else float(duration)
-        recording = _held(flexor, extensor, angle, stiffness, seconds, float(arm), float(inertia), seed)
-        own: tuple[Caution, ...] = ()
+        courses = {"angle": _course(angle, "rad", "angle"), "stiffness": _course(stiffness, "N*m/rad", "stiffness")}
+        recording = _held(flexor, extensor, courses, seconds, float(arm), float(inertia), seed)
+        own = collect(*(_late_caution(name, course, seconds) for name, course in courses.items()))
     else:
         # a value with its text, so that sentences call it as it was typed
         arm, inertia, supply, period, start_pressure = (
@@ -140,14 +141,21 @@ def record_joint(
         seconds = seconds if duration is None else float(duration)
         _play(simulation, courses, seconds, start_pressure, progress)
         recording = simulation.recording()
-        own = collect(*said, *simulation.cautions)
+        late = (_late_caution(f"command {name}", course, seconds) for name, course in courses.items())
+        own = collect(*said, *simulation.cautions, *late)
     known = {one.text for one in own}
     found = (Caution(text) for text in recording.meta.get("warnings", ()) if text not in known)
     return JointRecording(recording, angle is not None, collect(*own, *found))
 
 
 def _held(
-    flexor: Any, extensor: Any, angle: str, stiffness: str, seconds: float, arm: float, inertia: float, seed: int
+    flexor: Any,
+    extensor: Any,
+    courses: Mapping[str, _HeldValues],
+    seconds: float,
+    arm: float,
+    inertia: float,
+    seed: int,
 ) -> Recording:
     """Run the controller of a rig on set-points."""
     from ..assembly.loads import MomentArm
@@ -155,8 +163,7 @@ def _held(
 
     bends = MomentArm(coefficients=np.array([arm]), span=SPAN)
     stand = joint_stand(flexor, extensor, flexor_arm=bends, inertia=inertia)
-    angles, stiffnesses = _course(angle, "rad", "angle"), _course(stiffness, "N*m/rad", "stiffness")
-    return run_joint(stand, duration=seconds, angle=angles, stiffness=stiffnesses, seed=seed)
+    return run_joint(stand, duration=seconds, angle=courses["angle"], stiffness=courses["stiffness"], seed=seed)
 
 
 def _courses(simulation: Simulation, commands: Mapping[str, str]) -> dict[str, _HeldValues]:
@@ -221,6 +228,15 @@ class _HeldValues:
         # a sample a rounding before its time belongs to it
         places = np.searchsorted(self.times, at + 1e-9, side="right") - 1
         return np.asarray(self.values[np.maximum(places, 0)], float)
+
+
+def _late_caution(name: str, course: _HeldValues, seconds: float) -> Caution | None:
+    """Caution about values that would begin when the run has ended [s]."""
+    late = course.times[course.times >= seconds]
+    if not late.size:
+        return None
+    said = f"{name} changes at {with_unit(float(late[0]), 's')}, and the run ends at {with_unit(seconds, 's')}"
+    return Caution(f"{said}: what begins then is left out", name)
 
 
 def _course(text: str, unit: str, field: str) -> _HeldValues:

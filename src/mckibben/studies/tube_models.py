@@ -223,7 +223,7 @@ class Case(NamedTuple):
     def trial(self, element: TwoPort, heat: HeatModel) -> Trial:
         """Record as a trial of a fit."""
         circuit = Circuit.of(
-            {"supply": Reservoir(signal="supply"), "vessel": FixedVolume(size=self.volume, heat=heat)},
+            {"supply": Reservoir(signal="supply"), "vessel": FixedVolume(volume=self.volume, heat=heat)},
             {"tube": Branch(element, ("supply", "vessel"))},
         )
         name = f"{self.record.name}, {self.accumulator}"

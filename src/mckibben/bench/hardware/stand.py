@@ -87,14 +87,21 @@ class Motor(Module):
     """A direct-current motor with amplifier and pulley; forces and speeds are those of the pulley's rim."""
 
     torque_constant: Scalar = quantity(
-        "N*m/A", (1e-4, 100.0), "torque per current, and back-EMF per speed", symbol="k", default=0.22
+        "N*m/A",
+        (1e-4, 100.0),
+        "torque per current, and back-EMF per speed",
+        symbol="k",
+        typical=(0.02, 2.0),
+        default=0.22,
     )
     resistance: Scalar = quantity("ohm", (1e-3, 1e3), "of the coil", symbol="R", typical=(0.1, 10.0), default=0.8)
     inductance: Scalar = quantity("H", (1e-6, 1.0), "of the coil", symbol="L", typical=(1e-5, 1e-2), default=2e-4)
     supply_voltage: Scalar = quantity(
         "V", (1.0, 1e3), "of the amplifier, either way", symbol="U", typical=(12.0, 200.0), default=48.0
     )
-    current_limit: Scalar = quantity("A", (1e-2, 1e3), "of the amplifier, either way", symbol="I", default=24.0)
+    current_limit: Scalar = quantity(
+        "A", (1e-2, 1e3), "of the amplifier, either way", symbol="I", typical=(1.0, 100.0), default=24.0
+    )
     current_bandwidth: Scalar = quantity(
         "1/s", (1.0, 5e3), "of the amplifier's current loop, Hz", symbol="fb", typical=(100.0, 3e3), default=1000.0
     )
@@ -102,13 +109,27 @@ class Motor(Module):
         "kg*m^2", (1e-7, 10.0), "of rotor and pulley", symbol="J", typical=(1e-5, 1e-3), default=3e-5
     )
     pulley_radius: Scalar = _radius()
-    viscous: Scalar = quantity("N*s/m", (0.0, 1e3), "loss by speed, at the pulley", symbol="c", default=0.2)
-    coulomb: Scalar = quantity("N", (0.0, 1e3), "dry friction, at the pulley", symbol="Fc", default=1.0)
+    viscous: Scalar = quantity(
+        "N*s/m", (0.0, 1e3), "loss by speed, at the pulley", symbol="c", typical=(0.02, 20.0), default=0.2
+    )
+    coulomb: Scalar = quantity(
+        "N", (0.0, 1e3), "dry friction, at the pulley", symbol="Fc", typical=(0.05, 20.0), default=1.0
+    )
     friction_speed: Scalar = quantity(
-        "m/s", (1e-4, 1.0), "speed at which the dry friction is 0.7 of the whole", symbol="vs", default=0.01
+        "m/s",
+        (1e-4, 1.0),
+        "speed at which the dry friction is 0.7 of the whole",
+        symbol="vs",
+        typical=(1e-3, 0.1),
+        default=0.01,
     )
     speed_limit: Scalar = quantity(
-        "m/s", (1e-2, 100.0), "at which the amplifier drives no more, at the pulley", symbol="vmax", default=3.0
+        "m/s",
+        (1e-2, 100.0),
+        "at which the amplifier drives no more, at the pulley",
+        symbol="vmax",
+        typical=(0.1, 20.0),
+        default=3.0,
     )
     speed_band: Scalar = quantity(
         "1", (0.01, 1.0), "share of the speed limit over which the driving current is taken back", default=0.2
@@ -201,8 +222,12 @@ class Frame(Module):
     """Stiffness and damping of the machine's frame; the defaults are inferred for a plate of steel."""
 
     stiffness: Scalar = quantity("N/m", (1e3, 1e9), "of the anchor", symbol="k", typical=(1e5, 1e7), default=1e6)
-    mass: Scalar = quantity("kg", (1e-2, 1e4), "that swings with the anchor", symbol="m", default=2.0)
-    damping: Scalar = quantity("N*s/m", (0.0, 1e6), "of the anchor's motion", symbol="c", default=140.0)
+    mass: Scalar = quantity(
+        "kg", (1e-2, 1e4), "that swings with the anchor", symbol="m", typical=(0.1, 100.0), default=2.0
+    )
+    damping: Scalar = quantity(
+        "N*s/m", (0.0, 1e6), "of the anchor's motion", symbol="c", typical=(5.0, 5e3), default=140.0
+    )
 
     def rates(self, state: FrameState | StandState, pull: Scalar) -> FrameState:
         """Rates of change of deflection and velocity under the tension of the muscle [N]."""

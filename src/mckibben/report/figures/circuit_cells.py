@@ -131,9 +131,9 @@ def node_words(
     if name in subtitles:
         lines += [Words(text) for text in subtitles[name].splitlines()]
     elif isinstance(node, FixedVolume):
-        lines.append(Words(reading(float(node.size), "m^3")))
-    elif isinstance(node, MovingVolume) and float(node.dead) > 0.0:
-        lines.append(Words(f"{reading(float(node.dead), 'm^3')} in fittings"))
+        lines.append(Words(reading(float(node.volume), "m^3")))
+    elif isinstance(node, MovingVolume) and float(node.dead_volume) > 0.0:
+        lines.append(Words(f"{reading(float(node.dead_volume), 'm^3')} in fittings"))
     if isinstance(node, Reservoir):
         if node.signal is None:
             lines.append(Words(bar(float(node.pressure_abs), ambient(circuit)), SMALL, True, COLOURS["pressure"]))
@@ -280,7 +280,7 @@ def node_cell(node: object, words: list[Words], *, leads_on: bool) -> SymbolCell
             label = Words(node.signal, SMALL, False, COLOURS["length"])
             texts += stacked([label], x + 19.0, y + 0.62 * SMALL, "left")
         return SymbolCell(tuple(marks), symbol.box, (), tuple(texts), ())
-    symbol = tank(float(node.size)) if isinstance(node, FixedVolume) else tank(1e-5)
+    symbol = tank(float(node.volume)) if isinstance(node, FixedVolume) else tank(1e-5)
     high = 1.3 * sum(w.size for w in words)
     top = max((symbol.box.y0 - 10.0 + high) / 2.0, symbol.box.y0 + high)
     texts = stacked(words, 14.0, min(top, -7.0), "left")

@@ -188,7 +188,7 @@ def _prepared(lane: Lane) -> tuple[Any, float]:
     circuit = circuit_for(
         {NAME: lane.unit}, supply=lane.supply, line=AirLine(valve=valve, tube=lane.tube), environment=lane.environment
     )
-    port = float(circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
+    port = float(circuit.nodes[f"{NAME}.port"].volume)  # type: ignore[union-attr]
     valve_time = _valve_time(lane.valve)
     fill = lane.fills * time_scale(lane, port) + valve_time
     moving = lane.stroke / lane.speed if lane.stroke > 0.0 else 0.0
@@ -227,7 +227,7 @@ def _stiffest(watched: _Watched, signals: dict[str, Signal], period: float, lane
     slope = 3.0 * conductance * 1.185 / ((1.0 - float(valve.fill.critical_ratio)) * np.sqrt(x * (2.0 - x)))  # type: ignore[attr-defined]
     if isinstance(valve, PressureRegulator):
         slope += conductance * 1.185 * p / float(valve.band)
-    port = float(watched.circuit.nodes[f"{NAME}.port"].size)  # type: ignore[union-attr]
+    port = float(watched.circuit.nodes[f"{NAME}.port"].volume)  # type: ignore[union-attr]
     return float(2.0 * slope * 1.4 * 287.0 * 350.0 / (port + 0.5 * float(lane.tube.inner_volume())))
 
 

@@ -156,14 +156,14 @@ def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> dict[st
         if planned.length is not None:
             ends = (float(planned.law.length_range()[0]), float(planned.law.length_range()[1]))
             shown["length"] = Quantity("m", ends, "length at which the muscle is held", "L", ends), planned.length
-        shown["dead_volume"] = declared(MovingVolume)["dead"], float(plan.circuit.nodes[name].dead)  # type: ignore[union-attr]
+        shown["dead_volume"] = declared(MovingVolume)["dead_volume"], float(plan.circuit.nodes[name].dead_volume)  # type: ignore[union-attr]
     elif planned.kind in ("volume", "junction", "compliant") and "volume" in words:
-        shown["volume"] = declared(FixedVolume)["size"], _si(words["volume"], "m^3", "volume")
+        shown["volume"] = declared(FixedVolume)["volume"], _si(words["volume"], "m^3", "volume")
     if planned.kind not in GIVEN:
         shown["start_pressure"] = pressure, planned.start
     fields = _fields(shown, change)
     named = {"pressure": f"pressure of {name}", "start_pressure": f"pressure of {name}", "length": f"length of {name}"}
-    named |= {"volume": f"nodes.{name}.size", "dead_volume": f"nodes.{name}.dead"}
+    named |= {key: f"nodes.{name}.{key}" for key in ("volume", "dead_volume")}
     by_caution = {named[key]: one for key, one in fields.items()}
     if planned.kind in GIVEN:
         if planned.kind == "atmosphere":
