@@ -79,6 +79,7 @@ PHYSICS_TESTS = {
     "assembly/circuit_parts.py": "assembly/test_circuit_file.py",
     "assembly/machine.py": "assembly/test_machine_build.py laws/test_machines.py",
     "assembly/machine_array.py": "laws/test_machines.py assembly/test_machine_build.py",
+    "assembly/output_names.py": "assembly/test_machine_build.py",
     "assembly/pair_map.py": "laws/test_linearise.py bench/test_joint.py",
     "assembly/sentence.py": "assembly/test_circuit_file.py",
     "engine/coupled.py": "engine/test_coupled.py",
@@ -282,6 +283,12 @@ STUDIES_TESTS = {
     "tension.py": "test_verbs.py specimens/test_between_muscles.py",
     "tube_models.py": "studies/test_tube_study.py",
     "tube_study.py": "studies/test_tube_study.py",
+}
+# Folders of the library in which nothing is drawn, and why.
+NOT_DRAWN = {
+    "cli": "what a command says is held by goldens and by the contract of all commands, not by tests beside a file",
+    "report": "a figure is judged by an eye; what it draws is of rooms in which mutations are drawn",
+    "web": "a page is tested in a browser as a whole, for minutes; its guard and its line are among the guards",
 }
 # Where each room is, and its tests.
 ROOMS = {
