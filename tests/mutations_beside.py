@@ -261,7 +261,7 @@ HARDWARE_TESTS = {
     "serial_line/device.py": "serial_line/test_serial_device.py serial_line/test_serial_line.py",
     "serial_line/link.py": "serial_line/test_serial_line.py serial_line/test_serial_noise.py",
     "serial_line/messages.py": "serial_line/test_serial_frames.py serial_line/test_serial_noise.py",
-    "serial_line/microcontroller.py": "firmware/test_characterise_board.py serial_line/test_serial_device.py",
+    "serial_line/microcontroller.py": "serial_line/test_serial_device.py serial_line/test_serial_line.py",
 }
 STUDIES_TESTS = {
     "characterisation/evaluation.py": "studies/test_characterisation.py",
