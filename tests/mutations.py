@@ -10,10 +10,13 @@ which and why.
 import argparse
 import ast
 import contextlib
+import cProfile
 import hashlib
+import inspect
 import itertools
 import json
 import os
+import platform
 import random
 import re
 import resource
@@ -26,7 +29,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import CodeType, FrameType
+from types import CodeType
 from typing import Any, NamedTuple
 
 import hypothesis  # noqa: F401  of the tests, as are the next ones
@@ -43,7 +46,7 @@ REACHED = (
     ROOT / ".pytest_cache" / "reached"
 )  # one file for each file of tests as it is now, a line for each of its tests
 MOST = 100  # for a file of tests [s of processor time]
-SURVIVED = "SURVIVED"
+SURVIVED, CAUGHT = "SURVIVED", "caught by "
 TURNED: dict[type, str] = {
     ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "==",
     ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
@@ -184,49 +187,64 @@ class _Failures:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
+            self.failed = True
             print(f"\nFAILED {report.nodeid}", file=sys.__stdout__, flush=True)
 
 
-class _Recorder(_Failures):
-    """A plugin that writes a line for each test: its name, its time [s], and `file:function` of all that is called by it.
+class _Chosen(_Failures):
+    """A plugin that runs chosen tests in their order; with a file, others after them, and it writes there what each calls.
 
-    The import of its file counts, and `:Popen` says that it starts a process.
+    Others that name the function come first. A line for each test that passed: its name, its time [s], and
+    `file:function` of all that is called by it. The import of its file counts, and `:Popen` says that it starts a process.
+    The interpreter's profiler counts calls, one in each thread: a function of ours at each call would take several times
+    as long as the tests.
     """
 
-    def __init__(self, file: Path) -> None:
-        self.file, self.called = file, dict[int, CodeType]()
-        threading.settrace(self._call)
-        sys.settrace(self._call)
+    def __init__(self, tests: list[str], function: str, file: Path | None = None) -> None:
+        self.places, self.word, self.file = {test: place for place, test in enumerate(tests)}, function, file
+        self.profiles: list[cProfile.Profile] = []
+        self.imported: set[tuple[Path, str]] | None = None
+        if file:
+            threading.setprofile(self._begin)
+            self._begin()
 
-    def _call(self, frame: FrameType, *_: Any) -> None:
-        self.called[id(frame.f_code)] = frame.f_code  # kept, so that no other takes its number
+    def _begin(self, *_: Any) -> None:
+        sys.setprofile(None)
+        self.profiles.append(cProfile.Profile(subcalls=False, builtins=False))
+        self.profiles[-1].enable()
 
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        imported, self.called, begin = self.called, {}, time.process_time()
-        sys.settrace(self._call)  # a test may have ended it
-        done = yield
-        paths = {(Path(code.co_filename), code.co_name) for code in (imported | self.called).values()}
-        calls = {f"{path.relative_to(Path.cwd())}:{name}" for path, name in paths if path.is_relative_to(Path.cwd())}
-        calls |= {":Popen" for path, _ in paths if path.name == "subprocess.py"}
-        self.called = imported
-        with self.file.open("a") as out:
-            print(json.dumps([item.nodeid, time.process_time() - begin, sorted(calls)]), file=out)
-        return done
-
-
-class _Chosen(_Failures):
-    """A plugin that runs chosen tests only, in their order."""
-
-    def __init__(self, tests: list[str]) -> None:
-        self.places = {test: place for place, test in enumerate(tests)}
+    def _called(self) -> set[tuple[Path, str]]:
+        codes = [row.code for profile in self.profiles for row in profile.getstats()]
+        for profile in self.profiles:
+            profile.clear()
+        return {(Path(code.co_filename), code.co_name) for code in codes if isinstance(code, CodeType)}
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        items[:] = sorted((one for one in items if one.nodeid in self.places), key=lambda one: self.places[one.nodeid])
+        def turn(one: Any) -> tuple[int, bool]:
+            named = re.search(rf"\b{re.escape(self.word)}\b", inspect.getsource(one.function))
+            return self.places.get(one.nodeid, len(self.places)), not named
+
+        items[:] = sorted((one for one in items if self.file or one.nodeid in self.places), key=turn)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self.failed, begin = False, time.process_time()
+        if self.imported is None:
+            self.imported = self._called()
+        self._called()
+        done = yield
+        if self.file and not self.failed:
+            paths = self.imported | self._called()
+            here = Path.cwd()
+            calls = {f"{path.relative_to(here)}:{name}" for path, name in paths if path.is_relative_to(here)}
+            calls |= {":Popen" for path, _ in paths if path.name == "subprocess.py"}
+            with self.file.open("a") as out:
+                print(json.dumps([item.nodeid, time.process_time() - begin, sorted(calls)]), file=out)
+        return done
 
 
-def _tested(tests: list[str], tree: Path, said: Path, plugin: Callable[[Any], Any], of: Any) -> int:
+def _tested(tests: list[str], tree: Path, said: Path, function: str, kept: Path | None) -> int:
     os.setsid()
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever started this may ignore it, and a test would with him
     resource.setrlimit(resource.RLIMIT_CPU, (MOST, MOST + 5))
@@ -236,63 +254,74 @@ def _tested(tests: list[str], tree: Path, said: Path, plugin: Callable[[Any], An
     os.dup2(descriptor, 2)
     own = [str(tree / "src"), *(str(path) for path in (tree / "packages").glob("*/src"))]
     sys.path[:0], os.environ["PYTHONPATH"] = own, os.pathsep.join(own)
+    cache = ROOT / ".pytest_cache" / f"jax-{platform.node()}"  # of `conftest.py`, which is read after JAX was imported
+    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     words = "-x -n 0 -s --tb=line -rE -W ignore::pytest.PytestAssertRewriteWarning -m".split()
     try:
-        return int(
-            pytest.main([*words, "not slow", *dict.fromkeys(test.partition("::")[0] for test in tests)], [plugin(of)])
-        )
+        files = dict.fromkeys(test.partition("::")[0] for test in tests)
+        return int(pytest.main([*words, "not slow", *files], [_Chosen(tests, function, kept)]))
     except BaseException:
         traceback.print_exc()
         raise
 
 
-def run(tests: list[str], tree: Path, plugin: Callable[[Any], Any], of: Any) -> str:
-    """Run tests in a process that has imported the libraries, and return which one failed, if any."""
+def run(tests: list[str], tree: Path, function: str = "", kept: Path | None = None) -> str:
+    """Run the file of tests in a process that has imported the libraries, these first, and return which failed, if any."""
     said = tree / "said.txt"
     child = os.fork()
     if not child:
         code = 3
         with contextlib.suppress(BaseException):
-            code = _tested(tests, tree, said, plugin, of)
+            code = _tested(tests, tree, said, function, kept)
         os._exit(code)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     with contextlib.suppress(ProcessLookupError):  # what a test has left behind
         os.killpg(child, signal.SIGKILL)
     caught = re.search(r"^(?:FAILED|ERROR) (.+)$", said.read_text(), re.M)
-    if status == 0:
+    if status in (0, 5):  # 5: all of a file are slow tests
         return SURVIVED
-    return f"caught by {caught[1]}" if caught else f"NO ANSWER ({status}) {said.read_text()[-150:]!r}"
+    return f"{CAUGHT}{caught[1]}" if caught else f"NO ANSWER ({status}) {said.read_text()[-150:]!r}"
 
 
 def judge(one: Mutation, tree: Path) -> str:
     """Run the tests beside a mutation, file by file, those first of which it is known that they reach it soon."""
-    name, turns = f"{one.file}:{one.function}", []
+    name, turns, unanswered = f"{one.file}:{one.function}", [], []
+    REACHED.mkdir(parents=True, exist_ok=True)
     for place, file in enumerate(one.tests):
-        digest = hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
-        kept = REACHED / f"{Path(file).stem}-{digest}"
-        if not kept.exists():
-            turns.append((1, 0.0, place, [file], kept))
-            continue
-        rows = sorted(map(json.loads, kept.read_text().splitlines()), key=lambda row: row[1])
+        whole = REACHED / f"{Path(file).stem}-{hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]}"
+        part = whole.with_suffix(".part")  # what passed before a test that failed
+        known = whole if whole.exists() else part
+        rows = sorted(map(json.loads, known.read_text().splitlines() if known.exists() else ()), key=lambda row: row[1])
         reach = [row for row in rows if name in row[2]]
-        if reach:  # the others of the file after these: what is traced is called in the first only that needs it
+        starts = [row[0] for row in rows if ":Popen" in row[2]]
+        # the others of the file after these: what is traced is called in the first only that needs it
+        if reach:
             tests = [row[0] for row in [*reach, *(row for row in rows if row not in reach)]]
-            turns.append((0, reach[0][1], place, tests, kept))
-        elif tests := [row[0] for row in rows if ":Popen" in row[2]]:
-            turns.append((2, 0.0, place, tests, kept))
-    for _, _, _, tests, kept in sorted(turns):
-        if kept.exists():
-            result = run(tests, tree, _Chosen, tests)
-        else:
-            REACHED.mkdir(parents=True, exist_ok=True)
-            under_way = kept.with_suffix(".part")
-            under_way.unlink(missing_ok=True)
-            result = run(tests, tree, _Recorder, under_way)
-            if result == SURVIVED and under_way.exists():  # what it reached, it reaches without the mutation
-                under_way.rename(kept)
-        if result != SURVIVED:
+            turns.append((0, reach[0][1], place, tests, whole, part))
+        elif known == part:
+            turns.append((1, 0.0, place, [file], whole, part))
+        elif starts:
+            turns.append((2, 0.0, place, starts, whole, part))
+    for _, _, _, tests, whole, part in sorted(turns):
+        result = run(tests, tree, one.function, None if whole.exists() else part)
+        if result == SURVIVED and not whole.exists() and part.exists():
+            part.rename(whole)
+        if result.startswith(CAUGHT):
             return result
-    return SURVIVED if turns else "NO TEST reaches it"
+        if result != SURVIVED:
+            unanswered.append(result)
+    return "; ".join(unanswered) or (SURVIVED if turns else "NO TEST reaches it")
+
+
+def unsound(tests: list[str], tree: Path) -> Iterator[str]:
+    """Yield those of the tests that do not pass in the sources as they are."""
+    for _, of_file in itertools.groupby(tests, key=lambda test: test.partition("::")[0]):
+        left = list(of_file)
+        while left and (result := run(left, tree)) != SURVIVED:
+            failed = [test for test in left if result == CAUGHT + test] or left
+            yield from failed
+            left = [test for test in left if test not in failed]
 
 
 def main() -> None:
@@ -312,23 +341,22 @@ def main() -> None:
                 shutil.copytree(path, tree / path.name, ignore=shutil.ignore_patterns("__pycache__"))
             elif path.name != ".git":
                 (tree / path.name).symlink_to(path)
-        caught = run_all = 0
-        sound: dict[str, bool] = {}  # whether a test passes without any mutation
+        results: dict[int, str] = {}
         for number, one in enumerate(drawn, 1):
             if number in words.leave_out or (words.only and number not in words.only):
                 continue
             before = (ROOT / one.file).read_bytes()
             after = apply(one, tree)
             old = before[one.start : one.end].decode().splitlines()[0]
-            result = "" if words.list else judge(one, tree)
+            results[number] = "" if words.list else judge(one, tree)
             (tree / one.file).write_bytes(before)
-            by = result.removeprefix("caught by ")
-            if by != result and not sound.setdefault(by, not run([by], tree, _Chosen, [by]).startswith("caught")):
-                result = f"NO ANSWER: {by} fails without the mutation too"
-            caught, run_all = caught + result.startswith("caught"), run_all + 1
             words_of = f"{one.kind}: {old}  ->  {after}"
-            print(number, one.room, f"{one.file}:{one.line}", words_of, result, sep="\t", flush=True)
-    print(f"{caught} of {run_all} caught")
+            print(number, one.room, f"{one.file}:{one.line}", words_of, results[number], sep="\t", flush=True)
+        by = {number: result.removeprefix(CAUGHT) for number, result in results.items() if result.startswith(CAUGHT)}
+        sound = set(by.values()) - set(unsound(sorted(set(by.values())), tree))
+    for test in sorted(set(by.values()) - sound):
+        print(f"{test} does not pass without any mutation: what it caught does not count")
+    print(f"{sum(test in sound for test in by.values())} of {len(results)} caught")
 
 
 if __name__ == "__main__":

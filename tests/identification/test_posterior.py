@@ -162,6 +162,21 @@ def test_a_warning_names_the_parameter_about_which_chains_disagree():
     assert few == "only 90 samples are independent: draw more"
 
 
+def test_samples_are_enough_exactly_where_each_number_is_within_its_limit():
+    count, most, beyond = 1000, int(1000 * sampler.LOST), np.nextafter
+    limits = {
+        "r_hat": (1.0, sampler.MIXED, beyond(sampler.MIXED, 2.0), np.inf, np.nan),
+        "effective": (np.inf, sampler.FEW, beyond(sampler.FEW, 0.0), 0.0, np.nan),
+        "divergences": (0, most, most + 1, count),
+    }
+    for name, (*good, bad) in ((name, (*values[:2], value)) for name, values in limits.items() for value in values[2:]):
+        sound = {key: values[0] for key, values in limits.items()}
+        for value, enough in ((good[0], True), (good[1], True), (bad, False)):
+            numbers = sound | {name: value}
+            assert sampler._Mixing(**numbers, worst=0).enough(count) is enough
+            assert len(sampler.mixing_warnings(**numbers, count=count)) == (not enough)
+
+
 def test_errors_that_all_points_share_are_correlated():
     tension, slope = np.array([10.0, 20.0]), np.array([1e-4, 2e-4])
     errors = MapSensors(tension=0.3, pressure=1e3, tension_gain=0.01, pressure_zero=2e3).errors(

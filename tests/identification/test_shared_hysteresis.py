@@ -1,5 +1,6 @@
 """One friction and one creep of several muscles: what goes into recordings comes out, and nothing where nothing went in."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,13 @@ import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.estimation import Estimate
 from mckibben.identification.fit import Fit, fitted_specimen
-from mckibben.identification.shared_hysteresis import NOTHING, fit_shared_hysteresis, read_recordings
+from mckibben.identification.shared_hysteresis import (
+    NOTHING,
+    HysteresisModel,
+    SharedHysteresis,
+    fit_shared_hysteresis,
+    read_recordings,
+)
 from mckibben.muscles.build import build_law
 from mckibben.muscles.laws import law_type
 from mckibben.quantities import declared
@@ -130,6 +137,30 @@ def test_a_saved_fit_is_a_muscle_with_the_friction_and_creep_that_were_found(rub
         # Three equal elements sum up to the total, but for rounding.
         assert float(np.sum(muscle.creep.stiffness)) == pytest.approx(rubbed.parameters["creep"].value, rel=1e-12)
     assert fit.to_dict()["hysteresis"]["title"] == rubbed.title and FIT.to_dict()["hysteresis"] is None
+
+
+@pytest.mark.parametrize("held_back", [None, (0.4, 1.6)])
+@pytest.mark.parametrize("muscles", [RESTS, (float("nan"),)])
+def test_the_plain_form_states_each_number_of_the_answer_and_null_where_there_is_none(muscles, held_back):
+    e = Estimate(4.0, 3.8, 4.2, "N")
+    form = HysteresisModel("constant friction", ("constant", "stiffness"), 0.31, 812.5)
+    others = [
+        replace(form, title=title, free=free, aicc=900.0) for title, free in ((NOTHING, ()), ("creep", ("creep",)))
+    ]
+    answer = SharedHysteresis(
+        title=form.title, parameters={"constant": e, "stiffness": e}, models=(form, *others), muscles=muscles,
+        recordings=("a", "b"), samples=1600, independent=80, rmse=0.31, law_rmse=1.5, uncorrected_rmse=2.5,
+        held_back=held_back, warnings=("one",),
+    )  # fmt: skip
+    plain = json.loads(json.dumps(answer.to_dict(), allow_nan=False))
+    for name in ("title", "samples", "independent", "rmse", "law_rmse", "uncorrected_rmse"):
+        assert plain[name] == getattr(answer, name), name
+    assert plain["recordings"] == ["a", "b"] and plain["warnings"] == ["one"]
+    assert plain["muscles"] == [None if muscle != muscle else muscle for muscle in muscles]
+    assert plain["held_back"] == (None if held_back is None else [0.4, 1.6])
+    assert plain["parameters"]["constant"] == e._asdict()
+    said = "\n".join(remark for table in answer.tables() for remark in table.notes)
+    assert ("held back in turn: 0.4 N rms, 1.6 N" in said) == (held_back is not None)
 
 
 def changed(**channels) -> dict:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mckibben.components.gas import AIR
+from mckibben.pneumatics.distributed.ends import OpenBore, Restriction
 from mckibben.pneumatics.distributed.equations import (
     LAMINAR_NUSSELT,
     PRANDTL,
@@ -17,6 +18,7 @@ from mckibben.pneumatics.distributed.equations import (
     reconstruct,
     wall_rates,
 )
+from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import haaland
 
 R, CP, CV, GAMMA = (float(v) for v in (AIR.gas_constant, AIR.cp, AIR.cv, AIR.heat_ratio))
@@ -90,6 +92,18 @@ def test_choked_gas_goes_at_its_own_speed_of_sound(medium):
     np.testing.assert_allclose(
         np.broadcast_to(entry, 4), np.broadcast_to(sound(medium, drawn.temperature), 4), rtol=ROUNDING
     )
+
+
+@pytest.mark.parametrize("medium", MEDIA)
+def test_gas_that_enters_at_the_speed_of_sound_takes_what_the_drive_leaves(medium):
+    entering, nozzle = STATE._replace(velocity=np.full(4, 250.0)), STATE._replace(pressure=STATE.pressure + 4e4)
+    bore = OpenBore()
+    left = bore.inward(medium, entering, nozzle, nozzle, 1e-5)
+    np.testing.assert_allclose(bore.choked_pressure(medium, entering, left), nozzle.pressure, rtol=ROUNDING)
+    restriction, more = Restriction(Orifice(conductance=2e-9, critical_ratio=0.35)), 30.0  # [kg/(m2 s)]
+    taken = entering._replace(pressure=restriction.choked_pressure(medium, entering, more))
+    flows = [medium.gas.density(s.pressure, s.temperature) * s.velocity for s in (entering, taken)]
+    np.testing.assert_allclose(flows[1], flows[0] + more, rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])

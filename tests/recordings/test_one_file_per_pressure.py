@@ -1,10 +1,14 @@
 """Files of testing machines that hold one pressure each, with a zero of length of their own; and ranges of cells."""
 
+import re
+import zipfile
+
 import numpy as np
 import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError
+from mckibben.recordings.tables import write_table
 
 
 def pull(path, *, begin=0.12, head=(), count=6):
@@ -93,3 +97,12 @@ def test_a_range_of_cells_is_all_that_is_read_of_a_sheet(tmp_path):
     assert points.length == pytest.approx([0.12, 0.13, 0.14]) and np.all(points.pressure == 3e5)
     with pytest.raises(InputError, match="holds cells"):
         mk.read(place, sheet="Z90:AA99")
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "kept"), [(True, "b", "1"), (False, "b", "0"), (2, None, "2"), (0.1, None, "0.1")]
+)
+def test_a_cell_of_a_spreadsheet_is_of_the_kind_of_its_value(tmp_path, value, kind, kept):
+    write_table({"value": [value]}, tmp_path / "one.xlsx")
+    sheet = zipfile.ZipFile(tmp_path / "one.xlsx").read("xl/sheet.xml").decode()
+    assert re.findall(r'<c( t="b")?><v>(.*?)</v>', sheet) == [(' t="b"' if kind else "", kept)]

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,9 @@ from mckibben.pneumatics.valves import SpoolValve
 from mckibben.quantities import base_exponents
 from mckibben.simulation.air import Air
 from mckibben_hosts import Part, export
+from mckibben_hosts.c_source import PartSource, PartVariable
 from mckibben_hosts.conformance import conform
+from mckibben_hosts.fmi_description import fmu_variables
 from mckibben_hosts.fmi_export import fmu_cautions, fmu_files
 from mckibben_hosts.fmi_host import instantiate_silently
 
@@ -272,6 +275,24 @@ def test_units_are_products_of_base_units() -> None:
 def test_a_file_of_another_kind_is_refused(part: Part, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"must end in .fmu"):
         export(part, "fmi3", tmp_path / "lift.zip", name="lift")
+
+
+@pytest.mark.parametrize(
+    ("muscles", "twice"),
+    [(("command", "span"), "command.span"), (("rate", "command"), "command.rate"), (("a", "b"), None)],
+)
+def test_no_two_variables_have_one_name_whatever_muscles_are_called(
+    muscles: tuple[str, ...], twice: str | None
+) -> None:
+    part = SimpleNamespace(muscles=muscles, command_limits=lambda command: (0.0, 1.0))
+    paths = [f"{what}.{name}" for what in ("span", "rate", "command") for name in muscles]
+    inputs = tuple(PartVariable("inputs", f"i{k}", path, "m", (0.0, 1.0), "", 0.0, ()) for k, path in enumerate(paths))
+    if twice:
+        with pytest.raises(InputError, match=f"muscles must have other names.*{twice}"):
+            fmu_variables(PartSource("lift", part, {}, inputs), states=False)
+    else:
+        made = fmu_variables(PartSource("lift", part, {}, inputs), states=False)
+        assert len({variable.name for variable in made}) == len(made) == len(inputs) + 1  # and `staggered`
 
 
 @pytest.mark.slow

@@ -379,13 +379,13 @@ def mixing_warnings(r_hat: float, effective: float, divergences: int, count: int
         worst: name of the parameter on which the chains agree least, if it is known.
     """
     warnings = []
-    if r_hat > MIXED:
+    if not r_hat <= MIXED:  # nor where it is not a number
         place = f" about {worst}" if worst else ""
         warnings.append(
             f"the chains disagree{place} (R-hat {r_hat:.2f}) although they went on until the last round: "
             f"the data leave it open; fix {worst or 'a parameter'}, or measure more points"
         )
-    elif effective < FEW:
+    elif not effective >= FEW:
         warnings.append(f"only {effective:.0f} samples are independent: draw more")
     if divergences > LOST * count:
         warnings.append(f"the sampler lost its path at {divergences} of {count} samples")
@@ -407,7 +407,7 @@ class _Mixing(NamedTuple):
 
     def enough(self, count: int) -> bool:
         """Whether nothing speaks against the use of a count of samples."""
-        return self.r_hat <= MIXED and self.effective >= FEW and self.divergences <= LOST * count
+        return not mixing_warnings(self.r_hat, self.effective, self.divergences, count)
 
 
 def _rounds(
