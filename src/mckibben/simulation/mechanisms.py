@@ -26,7 +26,6 @@ from ..errors import InputError, UnreachableError
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
 from ..muscles.evidence import law_cautions
-from ..muscles.law import law_name
 from ..muscles.plausible import HIGHEST_PRESSURE, argument_cautions, span_cautions, span_limits, working_span
 from ..quantities import amount, amounts, declared, has_dimension, parse, with_unit
 from ..specimens import Specimen, muscle_specimen
@@ -756,7 +755,7 @@ def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str
     """Cautions about a muscle's law and the span at which it is mounted [m]; see `muscles.plausible.span_cautions`."""
     spec = published(muscle)
     of_span = span_cautions(span, unit.law, rest_length(muscle, unit), name=name)
-    return collect(*law_cautions(spec, law_name(unit.law)), *of_span)
+    return collect(*law_cautions(spec, unit.law), *of_span)
 
 
 def _span(stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit) -> float:
