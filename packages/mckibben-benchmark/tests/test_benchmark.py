@@ -231,20 +231,15 @@ def test_the_page_states_what_is_computed_of_muscles_of_other_lengths(name, mode
     stored, score = STORED.score(name, model), run_task(task(name), folds_of(name), model)
     assert stored is not None
     # descents of other processors end in other last digits; figures are stated to 1e-4 of the largest tension
-    for computed, stated in (
-        (score.rms(), stored.rms()),
-        (score.largest(), stored.largest()),
-        (score.bias(), stored.bias()),
-    ):
-        assert computed == pytest.approx(stated, abs=2e-5)
+    for figure in (TaskScore.rms, TaskScore.largest, TaskScore.bias):
+        assert figure(score) == pytest.approx(figure(stored), abs=2e-5)
     for phase in score.phases:
         assert score.rms(phase) == pytest.approx(stored.rms(phase), abs=2e-5)
 
 
 def test_the_page_states_the_figures_of_the_file_beside_it():
-    assert page(STORED, version=json.loads((REFERENCE / "benchmark.json").read_text(encoding="utf-8"))["version"]) == (
-        REFERENCE / "benchmark.md"
-    ).read_text(encoding="utf-8")
+    version = json.loads((REFERENCE / "benchmark.json").read_text(encoding="utf-8"))["version"]
+    assert page(STORED, version=version) == (REFERENCE / "benchmark.md").read_text(encoding="utf-8")
 
 
 @measured("aarl_10mm_isometric", "aarl_20mm_isometric")
