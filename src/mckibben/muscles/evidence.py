@@ -134,7 +134,7 @@ def tension_interval(
         >>> import mckibben as mk
         >>> muscle = mk.muscle("festo-10mm", rest_length="132 mm")
         >>> [round(float(end)) for end in tension_interval(muscle.specimen, muscle.law, 0.128, 5e5)]
-        [153, 338]
+        [72, 282]
     """
     new, own = _one_of_make(spec, law, same_rig=same_rig), np.asarray(law.tension(length, pressure))
     if new is not None:
