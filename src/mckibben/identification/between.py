@@ -170,8 +170,7 @@ def _shown(value: float, unit: str) -> str:
     return f"{1e3 * value:.3g} mm" if unit == "m" else f"{100.0 * value:.3g} %"
 
 
-# Another laboratory. What its muscles differ by as a whole is no error that few muscles tell the form of: as one more
-# component it made what readings leave worse, so that it widens what was not read. Two muscles of others had 17 and 25 %.
+# Another laboratory: two such were off by 17 and 25 % at most; as a component that readings condition it made these worse.
 ELSEWHERE = dataclasses.replace(Between().scaled(2.0), gain=0.09, unread=0.20)
 
 

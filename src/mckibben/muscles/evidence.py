@@ -32,6 +32,7 @@ from .plausible import usual_pressure
 from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
+PRESSURE_OF_LARGEST = "highest_measured_pressure"
 SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
 
 
@@ -71,10 +72,7 @@ class LawError(NamedTuple):
 
 
 class MakeSpread(NamedTuple):
-    """Half widths of the 95 % interval of one muscle around its law, over its largest tension [1].
-
-    They are means over the measured lengths and pressures, of a muscle of this rest length; those at one point are in
-    `tension_interval`.
+    """Half widths of the 95 % interval of one muscle around its law, over its largest tension [1]; means over the map.
 
     Attributes:
         same_rig: of a muscle on the rig on which the law was measured.
@@ -99,12 +97,7 @@ class MakeSpread(NamedTuple):
 
 
 def make_spread(spec: Specimen | None, law: TensionLaw) -> MakeSpread | None:
-    """How far one muscle of a specimen's make is from its law; None where the specimen does not state it.
-
-    Args:
-        spec: states how far muscles of its make differ, or else a share of the largest tension.
-        law: of the muscle, with the rest length to which it was cut.
-    """
+    """How far one muscle of a specimen's make, of a law that is cut to it, is off; None where the specimen says nothing."""
     new = _one_of_make(spec, law)
     if new is not None and new.readings:
         return MakeSpread(calibrated=new.share())
@@ -119,9 +112,8 @@ def tension_interval(
 ) -> np.ndarray | None:
     """Ends of the 95 % interval of the tension of one muscle [N], (2, ..), around its law; None where nothing says it.
 
-    This is the home of every interval of a specimen. It is that of a further reading of this muscle, where readings
-    calibrated it; of any muscle of the make, where the specimen states how far these differ, or a share of the largest
-    tension; and else of this muscle as it was characterised.
+    The home of every interval of a specimen: by readings of this muscle, by how far muscles of its make differ or by a
+    share of the largest tension that the specimen states, and else as this muscle was characterised.
 
     Args:
         spec: the specimen.
@@ -152,20 +144,16 @@ def _one_of_make(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = Fal
 
 
 def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = False) -> float | None:
-    """Half width that a specimen states [N], whatever the length and pressure; None where it states none.
-
-    A share of the largest tension needs the rest length and the highest pressure, at which that is.
-    """
+    """Half width that a specimen states [N]; a share needs the rest length and highest pressure of the largest tension."""
     shares = {name: _stated_share(spec, name) for name in BETWEEN_SHARES}
     if not shares["elsewhere"] and not shares["calibrated"]:
         return spec.property_si("tension_uncertainty", "N") if "tension_uncertainty" in spec.properties else None
     share = shares["calibrated"] or shares["same_rig" if same_rig else "elsewhere"]
-    needed = ("rest_length", "highest_measured_pressure")
-    if share is None or _of_other_bore(spec, law) or not all(name in spec.properties for name in needed):
+    if share is None or _of_other_bore(spec, law) or not {"rest_length", PRESSURE_OF_LARGEST} <= spec.properties.keys():
         return None
     rest = getattr(law, "rest_length", None)  # of a muscle that was cut, not of the one in the file
     at = spec.property_si("rest_length", "m") if rest is None else float(rest)
-    return share * float(law.tension(at, spec.property_si("highest_measured_pressure", "Pa")))
+    return share * float(law.tension(at, spec.property_si(PRESSURE_OF_LARGEST, "Pa")))
 
 
 def _stated_share(spec: Specimen | None, name: str) -> float | None:
@@ -189,9 +177,8 @@ def interval_words(spec: Specimen, law: TensionLaw) -> str:
     half = _stated_half_width(spec, law)
     if half is not None:
         return f"this muscle, as characterised, lies within {with_unit(half, 'N', 2)} (95 %)"
-    name = law_name(law)
-    error = error_of(spec, name)
-    said = "" if error is None else f"; {name} was off by {error}"
+    error = error_of(spec, law_name(law))
+    said = "" if error is None else f"; {law_name(law)} was off by {error}"
     return f"no interval: nothing says how far another muscle of the make is from the law of {spec.id}{said}"
 
 
