@@ -182,7 +182,9 @@ def new_muscle(row: Row, between: Between | None = None) -> NewMuscle:
     assert row.fitted.between is not None
     # How a muscle of another rig or laboratory differs from these stays as declared: no training muscle shows it.
     of_rig = {n: getattr(row.between, n) / getattr(row.fitted.between, n) for n in BETWEEN_COMPONENTS}
-    return replace(new, between=Between(**{n: getattr(between, n) * of_rig[n] for n in BETWEEN_COMPONENTS}))
+    return replace(
+        new, between=replace(row.between, **{n: getattr(between, n) * of_rig[n] for n in BETWEEN_COMPONENTS})
+    )
 
 
 def score(row: Row, how: str, between: Between | None = None) -> MuscleScore:

@@ -75,7 +75,7 @@ QUESTIONS = (  # to a recording
     "analysis.segments:segments",
 )
 RUNS = ("bench.circuit_run:run_circuit",)
-READINGS = ("identification.calibration:calibrate",)  # of a muscle
+READINGS = ("identification.calibration:calibrate", "identification.calibration:new_muscle")  # of a muscle
 PLACES = {
     place.partition(":")[2]: place for place in (*FIGURES, *PAGES, *DOCUMENTS, *QUESTIONS, *RUNS, *READINGS)
 }  # by name

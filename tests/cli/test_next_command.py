@@ -167,7 +167,7 @@ def test_no_reading_is_asked_for_where_a_muscle_of_the_make_may_hang_slack(rest,
     muscle = mk.muscle("festo-10mm", rest_length=rest)
     for used, highest in ((None, math.inf), (0.8 * muscle.rest_length, 4.5e5)):
         asked = readings_to_take(muscle, same_rig=same_rig, shortest=used, highest=highest)
-        new = new_muscle(muscle, same_rig=same_rig)
+        new = new_muscle(muscle.specimen, muscle.law, same_rig=same_rig)
         for place in asked.places:
             at = np.array([place["length"]]), np.array([place["pressure"]])
             tension, half = new.predict(*at)
@@ -177,7 +177,8 @@ def test_no_reading_is_asked_for_where_a_muscle_of_the_make_may_hang_slack(rest,
         assert bool(asked.cautions) == (used is not None and not same_rig)
         # the sentence behind a first reading names the same place as the plan
         one = asked.places[0]
-        read = new_muscle(muscle, same_rig=same_rig).conditioned([(one["length"], one["pressure"], one["tension"])])
+        new = new_muscle(muscle.specimen, muscle.law, same_rig=same_rig)
+        read = new.conditioned([(one["length"], one["pressure"], one["tension"])])
         if used is None:
             assert read.next_reading().startswith(with_unit(place["length"], "m", 4))
 

@@ -2,20 +2,24 @@
 
 import csv
 import dataclasses
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import mckibben as mk
+from mckibben.bench.prepare import prepare
+from mckibben.bench.recorder import initial_metadata
 from mckibben.errors import InputError, PlausibilityWarning
 from mckibben.identification.between import Between
 from mckibben.identification.calibration import new_muscle
-from mckibben.muscles.evidence import error_of, half_width, law_error, make_band, make_spread
+from mckibben.muscles.evidence import error_of, law_error, make_spread, tension_interval
 from mckibben.specimens import SpecimenNumber
 from mckibben.specimens.model import BETWEEN_COMPONENTS
 from mckibben.studies.next_measurement import readings_to_take
+from mckibben.studies.sizing.candidate import judged
+from mckibben.studies.sizing.catalogue import of_specimen
+from mckibben.studies.sizing.requirements import Requirements
 from mckibben.studies.tension import tension
 from measured_data import FOLDER, measured
 
@@ -30,26 +34,21 @@ def calibrated() -> mk.Muscle:
 
 
 def test_specimens_state_how_far_another_muscle_of_the_make_is_and_metadata_have_it() -> None:
-    spec = mk.specimen("festo-10mm")
-    assert make_spread(spec).to_dict()["elsewhere"] == 0.2
-    assert law_error(spec, spec.law)["between_muscles"]["after_two_readings"] == 0.03
+    spec, law = mk.specimen("festo-10mm"), mk.muscle("festo-10mm").law
+    assert law_error(spec, law)["between_muscles"] == make_spread(spec, law).to_dict()
     stated, usual = ({n: getattr(one, n) for n in BETWEEN_COMPONENTS} for one in (Between.of(spec), Between()))
     assert stated == pytest.approx(usual, rel=1e-12)  # 0.45 mm to rounding
-    assert make_spread(mk.specimen("DMSP-40-400")).elsewhere == 0.2
-    assert make_spread(mk.specimen("nylon")) is None
-    none = law_error(mk.specimen("nylon"), "linear_threshold")
-    assert law_error(mk.specimen("MPYE-5-1-8-LF"), "") is None  # a valve has no tension
+    assert make_spread(mk.specimen("DMSP-40-400"), mk.muscle("DMSP-40-400").law).elsewhere == 0.2
+    alone = mk.specimen("nylon"), mk.muscle("nylon").law
+    assert make_spread(*alone) is None
+    none = law_error(*alone)
+    assert law_error(mk.specimen("MPYE-5-1-8-LF"), None) is None  # a valve has no tension
     assert "between_muscles" not in none and none["interval"].startswith("no interval: nothing says")
 
 
 def test_the_page_on_trust_states_what_muscles_of_each_length_have() -> None:
-    """The table of rest lengths is what `next --like` computes, and that above it what the specimen states."""
+    """The table of rest lengths is what `next --like` computes."""
     page = (ROOT / "docs/explanation/how-far-to-trust-a-number.md").read_text(encoding="utf-8")
-    stated = make_spread(mk.specimen("festo-10mm"))
-    of_make = (stated.elsewhere, stated.same_rig, stated.after_one_reading, stated.after_two_readings)
-    assert [float(one) for one in re.findall(r"^\| .* \| ([\d.]+) % \|$", page, re.M)[:4]] == [
-        pytest.approx(100.0 * share, rel=1e-12) for share in of_make
-    ]
     for rest in ("281 mm", "132 mm", "90 mm"):
         cells = []
         for same_rig in (True, False):
@@ -66,24 +65,60 @@ def test_a_muscle_that_was_characterised_has_its_own_interval() -> None:
     answer = tension(spec, length="12 cm", pressure="5 bar")
     low, high = answer.interval
     assert high - low == pytest.approx(1.0, rel=1e-9) and answer.band == "95 %, this muscle"
-    assert "within 0.5 N" in law_error(spec, spec.law)["interval"]
+    assert "within 0.5 N" in law_error(spec, answer.muscle.law)["interval"]
 
 
-def test_a_muscle_of_the_make_that_is_cut_has_an_interval_of_its_own_largest_tension() -> None:
-    spec, law = mk.specimen("festo-10mm"), mk.muscle("festo-10mm", rest_length="132 mm").law
-    assert half_width(spec, law) == pytest.approx(0.2 * float(law.tension(0.132, 6.15e5)), rel=1e-9)
+@pytest.mark.filterwarnings("ignore::mckibben.errors.PlausibilityWarning")
+@pytest.mark.parametrize("rest", [0.281, 0.132, 0.09])
+@pytest.mark.parametrize("make", ["festo-10mm", "festo-20mm"])
+def test_one_muscle_at_one_length_and_pressure_has_one_interval_whoever_is_asked(make, rest) -> None:
+    """`tension`, `next`, `size`, metadata and the home of intervals agree to rounding."""
+    muscle = mk.muscle(make, rest_length=rest)
+    at = {"length": 0.98 * rest, "pressure": 5e5}
+    for rig in (False, True):
+        band = tension_interval(muscle.specimen, muscle.law, *at.values(), same_rig=rig)
+        answer = tension(make, **at, parameters={"rest_length": rest}, same_rig=rig)
+        assert np.ravel(answer.interval) == pytest.approx(band, rel=1e-12)
+        asked = readings_to_take(muscle, same_rig=rig)
+        first, spread = asked.places[0], make_spread(muscle.specimen, muscle.law)
+        ends = tension_interval(muscle.specimen, muscle.law, first["length"], first["pressure"], same_rig=rig)
+        # several points at once or one alone: rounding of kernels, over the larger of both ends
+        assert (first["low"], first["high"]) == pytest.approx(tuple(ends), abs=1e-12 * ends[1])
+        assert asked.before == pytest.approx(spread.same_rig if rig else spread.elsewhere, rel=1e-12)
+    wish = Requirements(force=1.0, stroke=0.04 * rest, pressure=5e5)
+    judgement = judged(of_specimen(muscle.specimen, wish), wish)
+    end = tension_interval(muscle.specimen, muscle.law, judgement.muscle.longest - wish.stroke, 5e5)
+    around = float(muscle.law.tension(judgement.muscle.longest - wish.stroke, 5e5)) - judgement.end_force
+    assert judgement.interval == pytest.approx(tuple(np.maximum(end - around, 0.0)), rel=1e-9)
+    whole = law_error(muscle.specimen, muscle.law)
+    assert muscle.cautions and whole["interval"] in str(muscle.cautions[0])
+    simulation = mk.Simulation(mk.Joint(muscle, muscle, arm=0.01, span=0.98 * rest), mk.Air(supply=5e5))
+    simulation.reset(pressure=1e5)
+    simulation.step()
+    assert set(map(str, simulation.recording().meta["law_error"].values())) == {str(whole)}
+
+
+@pytest.mark.parametrize("make", ["festo-10mm", "festo-20mm"])
+def test_a_run_on_a_rig_states_the_interval_of_the_muscle_that_it_runs(make) -> None:
+    muscle = mk.muscle(make)
+    about = initial_metadata(prepare("isometric-step", muscle=make, rig="modern"))
+    assert about["law_error"] == law_error(muscle.specimen, muscle.law)
+
+
+def test_nothing_is_said_of_a_muscle_of_another_bore() -> None:
+    spec, law = mk.specimen("festo-10mm"), mk.muscle("festo-10mm").law
     wider = law.replace(rest_diameter=2.0 * law.rest_diameter)
-    assert half_width(spec, wider) is None  # nothing was measured of another bore
+    assert tension_interval(spec, wider, 0.27, 5e5) is make_spread(spec, wider) is None
 
 
-def test_an_answer_has_the_interval_of_the_make_around_the_same_tension() -> None:
-    with pytest.warns(PlausibilityWarning):
-        answer = tension("festo-10mm", length="27 cm", pressure="5 bar")
-    low, high = answer.interval
-    assert low < answer.points[0]["tension"] < high
-    law = answer.muscle.law
-    # a share of the largest tension, which is at rest and at the highest measured pressure, to rounding
-    assert high - answer.points[0]["tension"] == pytest.approx(0.2 * float(law.tension(0.281, 6.15e5)), rel=1e-9)
+def test_a_muscle_of_which_nothing_was_read_is_off_by_what_laboratories_differ_until_it_is() -> None:
+    """Muscles of two other laboratories were 17 and 25 % off at most: 95 % of their points lie in what nobody read."""
+    muscle = mk.muscle("festo-10mm", rest_length="25 cm")
+    new, near = (new_muscle(muscle.specimen, muscle.law, same_rig=rig) for rig in (False, True))
+    at = np.linspace(0.22, 0.25, 7), np.full(7, 5e5)
+    assert (new.predict(*at)[1] >= 0.2 * new.muscle.largest * (1.0 - 1e-12)).all()
+    assert (near.predict(*at)[1] < 0.2 * near.muscle.largest).all()
+    assert new.conditioned([(0.25, 5.5e5, 350.0)]).predict(*at)[1].mean() < 0.12 * new.muscle.largest
 
 
 def test_on_the_rig_of_its_make_a_muscle_lies_within_less() -> None:
@@ -92,8 +127,7 @@ def test_on_the_rig_of_its_make_a_muscle_lies_within_less() -> None:
         every, same = (tension("festo-10mm", **at, same_rig=rig).points[0] for rig in (False, True))
         read = [tension("festo-10mm", **at, reading=["281 mm, 5.5 bar, 390 N"], same_rig=rig) for rig in (False, True)]
     assert every["tension"] == same["tension"]
-    wide, narrow = (one["tension_high"] - one["tension"] for one in (every, same))
-    assert narrow / wide == pytest.approx(0.07 / 0.20, rel=1e-9)
+    assert same["tension_high"] < every["tension_high"]
     elsewhere, here = (one.interval[1] - one.interval[0] for one in read)
     assert here < elsewhere
     with pytest.raises(InputError, match="same_rig is allowed only for a muscle whose specimen states"):
@@ -113,11 +147,12 @@ def test_a_calibrated_muscle_is_saved_with_its_readings_and_answers_alike(calibr
     again = mk.muscle(calibrated.save(tmp_path / "mine.toml"))
     at = np.linspace(0.118, 0.132, 5), np.full(5, 5e5)
     assert np.asarray(again.law.tension(*at)).tobytes() == np.asarray(calibrated.law.tension(*at)).tobytes()
-    ours, theirs = new_muscle(calibrated), new_muscle(again)
+    ours, theirs = (new_muscle(one.specimen, one.law) for one in (calibrated, again))
     assert ours.readings == theirs.readings
     for one, other in zip(ours.predict(*at), theirs.predict(*at), strict=True):
         assert one == pytest.approx(other, rel=1e-12)  # digits of the file
-    assert make_spread(again.specimen).calibrated < make_spread(mk.specimen("festo-10mm")).elsewhere
+    make = mk.muscle("festo-10mm", rest_length="132 mm")
+    assert make_spread(again.specimen, again.law).calibrated < make_spread(make.specimen, make.law).elsewhere
 
 
 def test_a_calibrated_muscle_is_one_and_is_not_cut(calibrated) -> None:
@@ -147,7 +182,7 @@ def test_the_20_mm_muscles_are_met_as_the_specimen_states_and_lie_within_its_int
         muscle = mk.muscle("festo-20mm", rest_length=1e-3 * rest)
         _, length, pressure, force = table[table[:, 0] == rest].T
         errors.append((np.asarray(muscle.law.tension(1e-3 * length, pressure)) - force) / top)
-        band = make_band(muscle.specimen, muscle.law, 1e-3 * length, pressure, same_rig=True)
+        band = tension_interval(muscle.specimen, muscle.law, 1e-3 * length, pressure, same_rig=True)
         inside.append((band[0] <= force) & (force <= band[1]))
     stated, found = error_of(spec, "seated_braid"), np.concatenate(errors)
     # stated to two digits; rest lengths, pressures and forces of the table to three

@@ -95,3 +95,10 @@ def test_a_folder_with_readings_of_a_make_is_no_other_questions(tmp_path):
     for other in (whole, whole | make_settings(spec, same_rig=False)):
         with pytest.raises(InputError, match="has stages of another characterisation: its (make|same_rig) is"):
             recording_folder(tmp_path, other)
+
+
+def test_a_rest_length_that_is_not_that_of_the_simulated_muscle_is_refused_before_anything_moves():
+    with pytest.raises(
+        InputError, match=r"rest_length must be about 28.1 cm, that of the simulated muscle, got 14 cm; simulate"
+    ):
+        characterise_like("festo-10mm", muscle="festo-10mm", rest_length="14 cm")

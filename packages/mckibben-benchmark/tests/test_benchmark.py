@@ -30,6 +30,8 @@ from mckibben_benchmark.tasks import READINGS
 from measured_data import FOLDER, measured
 
 ABOVE = "map-above-4-bar"
+REFERENCE = Path(__file__).parents[3] / "docs" / "reference"
+STORED = BenchmarkResult.read(REFERENCE / "benchmark.json")
 MEAN = """
 import numpy as np
 
@@ -145,8 +147,7 @@ def test_the_pair_is_predicted_as_well_as_its_periods_repeat():
             others = np.where(there, shown.outputs[name][np.where(there, places, 0)], np.nan)
             off.append((np.nanmean(others, axis=1) - measured_values[hidden]) / scale[record.muscle, name])
     left = np.sqrt(np.mean(np.concatenate(off) ** 2))
-    stored = BenchmarkResult.read(Path(__file__).parents[3] / "docs" / "reference" / "benchmark.json")
-    best = stored.of("antagonist")[0].rms()
+    best = STORED.of("antagonist")[0].rms()
     # Each period is off the mean of many, so that two of them, drawn alike, leave up to a quarter more than a model could.
     assert left == pytest.approx(0.039, abs=5e-4) and 0.8 * left < best < 1.05 * left
 
@@ -220,6 +221,25 @@ def test_readings_are_shown_one_by_one_and_scored_in_no_row(name):
     for fold in folds_of(name):
         counts[fold.name.rpartition(",")[0]].add(len(fold.test[0]))
     assert all(len(one) == 1 for one in counts.values())  # whatever is read, the same points are scored
+
+
+@measured("aarl_10mm_isometric", "aarl_20mm_isometric")
+@pytest.mark.parametrize("name", ["other-lengths", "other-lengths-20mm", *READ])
+@pytest.mark.parametrize("model", ["seated_braid", "seated_braid_between"])
+def test_the_page_states_what_is_computed_of_muscles_of_other_lengths(name, model):
+    """A change of the differences between muscles moves these figures: then the page is made anew."""
+    stored, score = STORED.score(name, model), run_task(task(name), folds_of(name), model)
+    assert stored is not None
+    # descents of other processors end in other last digits; figures are stated to 1e-4 of the largest tension
+    for figure in (TaskScore.rms, TaskScore.largest, TaskScore.bias):
+        assert figure(score) == pytest.approx(figure(stored), abs=2e-5)
+    for phase in score.phases:
+        assert score.rms(phase) == pytest.approx(stored.rms(phase), abs=2e-5)
+
+
+def test_the_page_states_the_figures_of_the_file_beside_it():
+    version = json.loads((REFERENCE / "benchmark.json").read_text(encoding="utf-8"))["version"]
+    assert page(STORED, version=version) == (REFERENCE / "benchmark.md").read_text(encoding="utf-8")
 
 
 @measured("aarl_10mm_isometric", "aarl_20mm_isometric")

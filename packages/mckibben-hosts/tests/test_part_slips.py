@@ -7,6 +7,7 @@ import pytest
 
 import mckibben as mk
 from mckibben.errors import InputError, PlausibilityWarning
+from mckibben.muscles.evidence import law_error
 from mckibben_hosts import Part, export
 from mckibben_hosts.targets import export_cautions
 
@@ -74,5 +75,7 @@ def test_a_part_states_how_far_the_tension_of_its_muscle_may_be_off(muscle, word
         warnings.simplefilter("ignore", PlausibilityWarning)
         part = Part(muscle)
     assert words in part.statement
+    made = mk.muscle(muscle)
+    assert part.law_error == {"muscle": law_error(made.specimen, made.law)}  # as every other answer about it
     about = next(path for path in export(part, "c", tmp_path) if path.suffix == ".json" and "schema" not in path.name)
     assert words in json.loads(about.read_text(encoding="utf-8"))["law_error"]["muscle"]["interval"]

@@ -50,7 +50,6 @@ from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
-from ..muscles.law import law_name
 from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
 from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Circuit
@@ -186,7 +185,7 @@ class CircuitPlan:
             spec = self.specimen_of(name)
             courses = [values[node.signal]] if node.signal is not None else []
             if node.law is not None:
-                said += law_cautions(spec, law_name(node.law))
+                said += law_cautions(spec, node.law)
                 rest = rest_length_of(spec, node.law)
                 for length in {float(end) for v in courses or [np.array(node.length)] for end in (v.min(), v.max())}:
                     said += span_cautions(length, node.law, rest, spec, name=f"length of {name}")

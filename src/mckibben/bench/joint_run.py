@@ -26,7 +26,6 @@ from ..engine.native import call_compiled
 from ..errors import InputError
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import about_laws, law_cautions
-from ..muscles.law import law_name
 from ..muscles.plausible import reached_cautions, span_cautions
 from ..quantities import random_generator, with_unit
 from ..recordings import Channel, Recording
@@ -257,7 +256,7 @@ def _set_point_cautions(stand: JointStand, set_points: Mapping[str, np.ndarray])
     for muscle, held, spec in stand.muscles():
         called = f"span of {muscle} at the first angle of {with_unit(float(angles[0]), 'rad')}"
         said += span_cautions(float(start[muscle].span), held.law, rest_length_of(spec, held.law), spec, name=called)
-        said += law_cautions(spec, law_name(held.law))
+        said += law_cautions(spec, held.law)
     return said
 
 
@@ -321,7 +320,7 @@ def _about(stand: JointStand, plant: RiggedJoint, timing: Timing, closed: Accoun
         "rig": rig.name,
         "plumbing": stand.layout,
         "parameters": resolved(owners),
-        **about_laws({name: (spec, law_name(unit.law)) for name, unit, spec in stand.muscles()}),
+        **about_laws({name: (spec, unit.law) for name, unit, spec in stand.muscles()}),
         "mounting": {name: unit.mounting for name, unit in stand.machine.units.items()},
         "inferred": list(rig.inferred),
         "environment": {"pressure_abs": float(room.pressure_abs), "temperature": float(room.temperature)},

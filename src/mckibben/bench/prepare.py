@@ -24,7 +24,6 @@ from ..experiments.protocol import PlannedStep, Protocol, ProtocolPlan
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
-from ..muscles.law import law_name
 from ..muscles.plausible import measured_length_caution, parameter_cautions, pressure_caution, span_cautions
 from ..quantities import in_si, whole_number, with_unit
 from ..recordings.memory import INTEGRATED, check_memory
@@ -134,7 +133,7 @@ class PreparedRun:
             for ask in dict.fromkeys(asked)
             if self.rig.operator_action(ask) is None
         ]
-        of_muscle = (str(one) for one in law_cautions(self.specimen, law_name(self.unit.law)))
+        of_muscle = (str(one) for one in law_cautions(self.specimen, self.unit.law))
         return (*old, *unknown, *of_muscle, *map(str, self.set_point_cautions()))
 
     def set_point_cautions(self) -> tuple[Caution, ...]:

@@ -22,7 +22,6 @@ from ..errors import InputError
 from ..experiments.protocol import PlannedStep
 from ..formats.live_log import LiveLog
 from ..muscles.evidence import law_error
-from ..muscles.law import law_name
 from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
 from . import channels
@@ -83,7 +82,7 @@ def initial_metadata(bench: PreparedRun) -> dict[str, JsonValue]:
         "converters": _ends(bench),
         **({} if used is None else {"calibration": used.plain()}),
         "seed": bench.seed,
-        "law_error": law_error(spec, law_name(bench.unit.law)),
+        "law_error": law_error(spec, bench.unit.law),
         "warnings": [*(f.sentence for f in bench.accepted), *bench.cautions],
         "citations": list(dict.fromkeys([*bench.unit.law.cites, *sources])),
         "versions": versions(),

@@ -20,6 +20,7 @@ import numpy as np
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
+from ..muscles.build import law_from_specimen
 from ..muscles.evidence import interval_remarks, law_error
 from ..quantities import whole_number
 from ..registry import is_reference, load_reference, named_by_person
@@ -257,7 +258,8 @@ class ControlScores(Answer):
     @staticmethod
     def _law_errors() -> dict[str, Any]:
         """What is known of the tension of the muscle that all benches have."""
-        return {SPECIMEN: law_error(muscle_specimen(SPECIMEN), NOMINAL.law)}
+        spec = muscle_specimen(SPECIMEN)
+        return {SPECIMEN: law_error(spec, law_from_specimen(spec, NOMINAL.law))}
 
 
 def _plain(scores: Mapping[str, ControlScore]) -> dict[str, JsonValue]:

@@ -16,8 +16,8 @@ import numpy as np
 from ..answers import Caution, warn
 from ..documents import JsonValue
 from ..errors import InputError
-from ..muscles.build import at_rest_length, measured_rest_lengths
-from ..muscles.law import TensionLaw
+from ..muscles.build import at_rest_length, measured_rest_lengths, rest_length_of
+from ..muscles.law import TensionLaw, law_name
 from ..muscles.laws import law_type
 from ..muscles.muscle import Muscle, built_muscle
 from ..quantities import declared, with_unit
@@ -33,7 +33,6 @@ from .between import (
     PredictedTension,
     TensionReading,
     parameter_covariance,
-    predicted_tension,
     thinned,
 )
 from .problem import SAME_LENGTH, FittedLaw
@@ -69,7 +68,7 @@ class CalibratedFit:
             length: [m] or text with a unit, broadcast with the pressure.
             pressure: gauge pressure, [Pa] or text with a unit.
         """
-        return predicted_tension(self.new, length, pressure)
+        return self.new.predicted(length, pressure)
 
     @functools.cached_property
     def muscle(self) -> Muscle:
@@ -132,19 +131,20 @@ def muscle_of_fit(
 # ---- a muscle of a specimen
 
 
-def new_muscle(muscle: Muscle, *, same_rig: bool = False) -> NewMuscle:
+def new_muscle(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = False) -> NewMuscle:
     """One muscle of the make of a specimen, with the readings by which it was calibrated.
 
     The parameters' covariance is that of a fit to muscles of the measured rest lengths, over the measured range.
 
     Args:
-        muscle: of a specimen that states how far muscles of its make differ.
+        spec: states how far muscles of its make differ.
+        law: of the muscle, with the rest length to which it was cut.
         same_rig: it is measured on the rig on which those were.
 
     Raises:
         InputError: the specimen states no such differences.
     """
-    spec, name = muscle.specimen, muscle.law_name
+    name = law_name(law)
     if spec is None:
         raise InputError(
             "between", None, "is not known of a muscle without specimen: nothing says how far others differ"
@@ -157,12 +157,12 @@ def new_muscle(muscle: Muscle, *, same_rig: bool = False) -> NewMuscle:
         for key, number in spec.between.items()
         if key.startswith(BEFORE)
     }
-    law = muscle.law.replace(**before) if before else muscle.law
+    law = law.replace(**before) if before else law
     free = tuple(n for n in law_type(name).fitted if n in spec.laws[name] and spec.laws[name][n].range is not None)
     free = tuple(before) or free
-    rest = muscle.rest_length
-    if rest is None or not free:
-        raise InputError("between", None, f"of {spec.id} needs a rest length, and ranges of the parameters of {name}")
+    rest = rest_length_of(None if hasattr(law, "rest_length") else spec, law)
+    if not free:
+        raise InputError("between", None, f"of {spec.id} needs ranges of the parameters of {name}")
     highest = spec.property_si("highest_measured_pressure", "Pa")
     whole = measured_rest_lengths(spec) or [rest]
     own = spec.property_si("rest_length", "m")
@@ -199,7 +199,7 @@ def stated_readings(spec: Specimen) -> tuple[TensionReading, ...]:
 
 def calibrate_muscle(muscle: Muscle, readings: Any, *, same_rig: bool = False) -> tuple[Muscle, NewMuscle]:
     """A muscle of a specimen with its law moved to what readings of it say, and the Gaussian that says how far it is off."""
-    new = new_muscle(muscle, same_rig=same_rig).conditioned(readings)
+    new = new_muscle(muscle.specimen, muscle.law, same_rig=same_rig).conditioned(readings)
     spec, name = muscle.specimen, muscle.law_name
     assert spec is not None
     made = calibrated_specimen(spec, name, new)

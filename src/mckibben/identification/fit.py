@@ -39,7 +39,7 @@ from ..muscles.muscle import Muscle
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from ..specimens import Specimen, SpecimenNumber
-from .between import Between, NewMuscle, PredictedTension, predicted_tension
+from .between import Between, NewMuscle, PredictedTension
 from .calibration import CalibratedFit, muscle_of_fit
 from .discrepancy import LawError
 from .posterior import MapSensors, Posterior, posterior_of_fit
@@ -354,18 +354,8 @@ class Fit(FittedLaw):
         return muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
 
     def between_numbers(self) -> dict[str, SpecimenNumber]:
-        """How far muscles of the kind differ, and half widths of a tension's 95 % interval, as numbers of a specimen.
-
-        Empty where the fit does not tell it.
-        """
-        if self.between is None or not self.converged:
-            return {}
-        shares = {name: self._one_more({}, name == "elsewhere").share() for name in ("same_rig", "elsewhere")}
-        note = "computed, of one more muscle; a share of the largest tension, mean over the measured range"
-        return self.between.numbers() | {
-            name: SpecimenNumber(value=float(f"{share:.2g}"), unit="1", inferred=True, note=note)
-            for name, share in shares.items()
-        }
+        """How far muscles of the kind differ, as numbers of a specimen; empty where the fit does not tell it."""
+        return {} if self.between is None or not self.converged else self.between.numbers()
 
     def predict(self, length: Any, pressure: Any, *, elsewhere: bool = False, **changes: JsonValue) -> PredictedTension:
         """Predict the tension of a muscle with a 95 % interval, also of a muscle that was not measured.
@@ -413,7 +403,7 @@ class Fit(FittedLaw):
             return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
 
         if self.between is not None:
-            return predicted_tension(self._one_more(changes, elsewhere), at[0], at[1], tension())
+            return self._one_more(changes, elsewhere).predicted(at[0], at[1], tension())
         columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]
         moves = np.reshape(np.array(columns), (len(names), *at[0].shape))
         reach, bore = self._reach(changes), self.known.get("rest_diameter")

@@ -18,12 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..accessors import implementation
 from ..answers import Caution, collect
 from ..documents import JsonValue
 from ..errors import InputError, NoVolumeError
 from ..quantities import declared, with_unit
 from ..specimens import Specimen
-from ..specimens.model import BETWEEN_SHARES, KNOWN_ERRORS, MUSCLES
+from ..specimens.model import BETWEEN_COMPONENTS, BETWEEN_SHARES, KNOWN_ERRORS, MUSCLES
 from .braid import SHORTEST_SHARE, braid_of
 from .build import law_from_specimen, measured_rest_lengths
 from .law import TensionLaw, law_name
@@ -31,6 +32,7 @@ from .plausible import usual_pressure
 from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
+PRESSURE_OF_LARGEST = "highest_measured_pressure"
 SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
 
 
@@ -70,32 +72,23 @@ class LawError(NamedTuple):
 
 
 class MakeSpread(NamedTuple):
-    """Half widths of the 95 % interval of one muscle of a make around its law, over its largest tension [1].
+    """Half widths of the 95 % interval of one muscle around its law, over its largest tension [1]; means over the map.
 
     Attributes:
         same_rig: of a muscle on the rig on which the law was measured.
         elsewhere: of one in another laboratory.
-        after_one_reading: of one that was calibrated by a reading.
-        after_two_readings: by two.
         calibrated: of this muscle, by the readings that its specimen states.
     """
 
-    same_rig: float | None
-    elsewhere: float | None
-    after_one_reading: float | None
-    after_two_readings: float | None
-    calibrated: float | None
+    same_rig: float | None = None
+    elsewhere: float | None = None
+    calibrated: float | None = None
 
     def __str__(self) -> str:
         if self.calibrated is not None:
             return f"this muscle, as calibrated, lies within {_percent(self.calibrated)} of its largest tension (95 %)"
         said = f"another muscle of the make lies within {_percent(self.elsewhere or 0.0)} of its largest tension (95 %)"
-        if self.same_rig is None:
-            return said
-        said += f", and within {_percent(self.same_rig)} on the rig of the measured ones"
-        read = {"one reading": self.after_one_reading, "two": self.after_two_readings}
-        known = [f"{_percent(share)} after {words}" for words, share in read.items() if share is not None]
-        return f"{said}, there {' and '.join(known)}" if known else said
+        return said if self.same_rig is None else f"{said}, on the rig of the measured ones {_percent(self.same_rig)}"
 
     def to_dict(self) -> dict[str, JsonValue]:
         """The shares as plain values, for JSON."""
@@ -103,61 +96,89 @@ class MakeSpread(NamedTuple):
         return known | {"sentence": str(self)}
 
 
-def make_spread(spec: Specimen | None) -> MakeSpread | None:
-    """How far one muscle of a specimen's make is from its law; None where the specimen does not state it."""
-    stated = {} if spec is None else spec.between
-    shares = {
-        name: float(str(stated[name].si("1", field=f"between.{name}"))) if name in stated else None
-        for name in BETWEEN_SHARES
-    }
+def make_spread(spec: Specimen | None, law: TensionLaw) -> MakeSpread | None:
+    """How far one muscle of a specimen's make, of a law that is cut to it, is off; None where the specimen says nothing."""
+    new = _one_of_make(spec, law)
+    if new is not None and new.readings:
+        return MakeSpread(calibrated=new.share())
+    if new is not None:
+        return MakeSpread(_one_of_make(spec, law, same_rig=True).share(), new.share())
+    shares = {name: _stated_share(spec, name) for name in BETWEEN_SHARES}
     return MakeSpread(**shares) if shares["elsewhere"] or shares["calibrated"] else None
 
 
-def make_band(
-    spec: Specimen, law: TensionLaw, length: np.ndarray, pressure: np.ndarray, *, same_rig: bool = False
+def tension_interval(
+    spec: Specimen | None, law: TensionLaw, length: Any, pressure: Any, *, same_rig: bool = False
 ) -> np.ndarray | None:
-    """Ends of the 95 % interval of the tension (2, n) [N], see `half_width`; None where the specimen states none."""
-    half = half_width(spec, law, same_rig=same_rig)
-    if half is None:
-        return None
-    own = np.asarray(law.tension(length, pressure))
-    return np.stack([np.maximum(own - half, 0.0), own + half])
+    """Ends of the 95 % interval of the tension of one muscle [N], (2, ..), around its law; None where nothing says it.
 
+    The home of every interval of a specimen: by readings of this muscle, by how far muscles of its make differ or by a
+    share of the largest tension that the specimen states, and else as this muscle was characterised.
 
-def half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = False) -> float | None:
-    """Half width of the 95 % interval of a tension [N]: of this muscle if it was characterised, else of one of the make.
+    Args:
+        spec: the specimen.
+        law: of the muscle, with the rest length to which it was cut; of the bore of the specimen.
+        length: between the anchors [m].
+        pressure: gauge [Pa].
+        same_rig: the muscle is on the rig on which its make was measured.
 
-    None where the specimen states neither, or of its make no rest length and highest pressure, at which the largest tension
-    is, and for a law of another bore. With `same_rig` it is that of a muscle on the rig on which the law was measured.
+    Examples:
+        >>> import mckibben as mk
+        >>> muscle = mk.muscle("festo-10mm", rest_length="132 mm")
+        >>> [round(float(end)) for end in tension_interval(muscle.specimen, muscle.law, 0.128, 5e5)]
+        [72, 282]
     """
-    spread, stated = make_spread(spec), spec.properties
-    if spread is None:
-        return characterised_half_width(spec)
-    share = spread.calibrated or (spread.same_rig if same_rig else spread.elsewhere)
-    bore = getattr(law, "rest_diameter", None)
-    other = bore is not None and "rest_inner_diameter" in stated
-    other = other and abs(float(bore) / spec.property_si("rest_inner_diameter", "m") - 1.0) > SAME_LENGTH  # type: ignore[arg-type]
-    if share is None or other or not all(name in stated for name in ("rest_length", "highest_measured_pressure")):
+    new, own = _one_of_make(spec, law, same_rig=same_rig), np.asarray(law.tension(length, pressure))
+    if new is not None:
+        told = new.predicted(length, pressure, own)
+        return np.stack([told.low, told.high])
+    half = None if spec is None else _stated_half_width(spec, law, same_rig=same_rig)
+    return None if half is None else np.stack([np.maximum(own - half, 0.0), own + half])
+
+
+def _one_of_make(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = False) -> Any:
+    """Gaussian of one muscle, see `identification.between`; None where the specimen does not state what it is made of."""
+    if spec is None or _of_other_bore(spec, law) or not all(name in spec.between for name in BETWEEN_COMPONENTS):
+        return None
+    return implementation("new_muscle")(spec, law, same_rig=same_rig)
+
+
+def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = False) -> float | None:
+    """Half width that a specimen states [N]; a share needs the rest length and highest pressure of the largest tension."""
+    shares = {name: _stated_share(spec, name) for name in BETWEEN_SHARES}
+    if not shares["elsewhere"] and not shares["calibrated"]:
+        return spec.property_si("tension_uncertainty", "N") if "tension_uncertainty" in spec.properties else None
+    share = shares["calibrated"] or shares["same_rig" if same_rig else "elsewhere"]
+    if share is None or _of_other_bore(spec, law) or not {"rest_length", PRESSURE_OF_LARGEST} <= spec.properties.keys():
         return None
     rest = getattr(law, "rest_length", None)  # of a muscle that was cut, not of the one in the file
     at = spec.property_si("rest_length", "m") if rest is None else float(rest)
-    return share * float(law.tension(at, spec.property_si("highest_measured_pressure", "Pa")))
+    return share * float(law.tension(at, spec.property_si(PRESSURE_OF_LARGEST, "Pa")))
 
 
-def characterised_half_width(spec: Specimen) -> float | None:
-    """Half width of the 95 % interval of a tension of this very muscle [N], as it was characterised; None if it was not."""
-    return spec.property_si("tension_uncertainty", "N") if "tension_uncertainty" in spec.properties else None
+def _stated_share(spec: Specimen | None, name: str) -> float | None:
+    stated = {} if spec is None else spec.between
+    return float(str(stated[name].si("1", field=f"between.{name}"))) if name in stated else None
 
 
-def interval_words(spec: Specimen, law: str) -> str:
+def _of_other_bore(spec: Specimen, law: TensionLaw) -> bool:
+    """Whether a law is of another bore than the muscles of the make, of which nothing was measured."""
+    bore = getattr(law, "rest_diameter", None)
+    if bore is None or "rest_inner_diameter" not in spec.properties:
+        return False
+    return abs(float(bore) / spec.property_si("rest_inner_diameter", "m") - 1.0) > SAME_LENGTH
+
+
+def interval_words(spec: Specimen, law: TensionLaw) -> str:
     """How far the tension of one muscle may be off, as a 95 % interval that the specimen states; or that it states none."""
-    spread, half = make_spread(spec), characterised_half_width(spec)
+    spread = make_spread(spec, law)
     if spread is not None:
         return f"{spread}"
+    half = _stated_half_width(spec, law)
     if half is not None:
         return f"this muscle, as characterised, lies within {with_unit(half, 'N', 2)} (95 %)"
-    error = error_of(spec, law)
-    said = "" if error is None else f"; {law} was off by {error}"
+    error = error_of(spec, law_name(law))
+    said = "" if error is None else f"; {law_name(law)} was off by {error}"
     return f"no interval: nothing says how far another muscle of the make is from the law of {spec.id}{said}"
 
 
@@ -173,23 +194,24 @@ def error_of(spec: Specimen | None, law: str) -> LawError | None:
     return LawError(**known, source=source, other_source=notes.get("other_muscle", ""))
 
 
-def law_error(spec: Specimen | None, law: str) -> dict[str, JsonValue] | None:
+def law_error(spec: Specimen | None, law: TensionLaw | None) -> dict[str, JsonValue] | None:
     """The error that a specimen states of one of its laws and the interval of a tension, for metadata and JSON.
 
     Where it states neither, ``interval`` says so; None without a muscle's specimen.
     """
-    if spec is None or spec.kind not in MUSCLES:
+    if spec is None or law is None or spec.kind not in MUSCLES:
         return None
-    error, spread = error_of(spec, law), make_spread(spec)
+    error, spread = error_of(spec, law_name(law)), make_spread(spec, law)
     said = {} if spread is None else {"between_muscles": spread.to_dict()}
-    return ({} if error is None else error.to_dict()) | said | {"interval": interval_words(spec, law)}
+    words = interval_words(spec, law) if spread is None else f"{spread}"
+    return ({} if error is None else error.to_dict()) | said | {"interval": words}
 
 
-def about_laws(muscles: Mapping[str, tuple[Specimen | None, str]]) -> dict[str, JsonValue]:
+def about_laws(muscles: Mapping[str, tuple[Specimen | None, TensionLaw]]) -> dict[str, JsonValue]:
     """Errors and, where there are any, cautions of several muscles for the metadata of a recording.
 
     Args:
-        muscles: specimen and name of the law, by the name of the muscle.
+        muscles: specimen and law, by the name of the muscle.
     """
     said = dict.fromkeys(str(one) for spec, law in muscles.values() for one in law_cautions(spec, law))
     errors = {name: law_error(spec, law) for name, (spec, law) in muscles.items()}
@@ -201,23 +223,23 @@ def interval_remarks(errors: Mapping[str, Any]) -> list[str]:
     return [f"{name}: {error['interval']}." for name, error in errors.items() if error]
 
 
-def law_cautions(spec: Specimen | None, law: str, *, at_rest: bool = True) -> tuple[Caution, ...]:
+def law_cautions(spec: Specimen | None, law: TensionLaw | None, *, at_rest: bool = True) -> tuple[Caution, ...]:
     """Cautions about a specimen's law, whatever the length and pressure: a large error, an unmeasured rest length or braid.
 
     Args:
         spec: the specimen.
-        law: name of the law.
+        law: of the muscle.
         at_rest: whether to say by how much the laws of a braid differ at its rest length; not where each point says it.
     """
-    error = error_of(spec, law)
-    if spec is None:
+    if spec is None or law is None:
         return ()
-    spread = make_spread(spec)
+    name = law_name(law)
+    error, spread = error_of(spec, name), make_spread(spec, law)
     large = error is not None and error.worst > NOTABLE
     of_make = spread is not None and max(spread.elsewhere or 0.0, spread.calibrated or 0.0) > NOTABLE
-    words = [f"the tension of {spec.id} by {law} may be off by {error}"] * large + [f"{spread}"] * of_make
+    words = [f"the tension of {spec.id} by {name} may be off by {error}"] * large + [f"{spread}"] * of_make
     said = Caution("; ".join(words), "law") if words else None
-    return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, law) if at_rest else None)
+    return collect(said, _rest_length_caution(spec, name, error), braid_caution(spec, name) if at_rest else None)
 
 
 def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:

@@ -237,7 +237,7 @@ class Muscle(Module):
     @functools.cached_property
     def cautions(self) -> tuple[Caution, ...]:
         """What must be known of every answer of this muscle, such as a large error; said as warnings with each."""
-        return law_cautions(self.specimen, self.law_name)
+        return law_cautions(self.specimen, self.law)
 
     @property
     def law_name(self) -> str:

@@ -191,7 +191,7 @@ class Estimator:
         """By how much the lanes' muscles differ, as their specimens say: in what the pull by the gas depends on most."""
         simulation, spread = self.simulation, {}
         for name, unit in simulation.units.items():
-            known = make_spread(published(simulation.system.muscles[name]))
+            known = make_spread(published(simulation.system.muscles[name]), unit.law)
             share = None if known is None else known.calibrated or known.elsewhere
             if share is None:
                 share = MAKE

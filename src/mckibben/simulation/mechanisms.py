@@ -26,7 +26,6 @@ from ..errors import InputError, UnreachableError
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
 from ..muscles.evidence import law_cautions
-from ..muscles.law import law_name
 from ..muscles.plausible import (
     HIGHEST_PRESSURE,
     argument_cautions,
@@ -769,7 +768,7 @@ def mounted_cautions(muscle: AnyMuscle, unit: MuscleUnit, span: float, name: str
     spec = published(muscle)
     of_span = span_cautions(span, unit.law, rest_length(muscle, unit), spec, name=name)
     of_tendon = () if unit.tendon is None else parameter_cautions({"tendon": unit.tendon})
-    return collect(*law_cautions(spec, law_name(unit.law)), *of_span, *of_tendon)
+    return collect(*law_cautions(spec, unit.law), *of_span, *of_tendon)
 
 
 def _span(stated: Amount | None, field: str, muscle: AnyMuscle, unit: MuscleUnit) -> float:

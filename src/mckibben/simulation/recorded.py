@@ -16,7 +16,6 @@ from ..components.paths import resolved
 from ..engine import sampled
 from ..engine.native import call_compiled
 from ..muscles.evidence import about_laws
-from ..muscles.law import law_name
 from ..muscles.plausible import reached_cautions
 from ..recordings import Channel, Recording
 from ..recordings.provenance import created, versions
@@ -166,7 +165,7 @@ def _meta(
         "first_sample": start.sample,
         "result": "done",
         "message": "The run reached its end.",
-        **about_laws({name: (spec, law_name(machine.units[name].law)) for name, spec in by_name.items()}),
+        **about_laws({name: (spec, machine.units[name].law) for name, spec in by_name.items()}),
         "inferred": sorted({key for s in specimens for key in s.inferred()}),
         "versions": versions(),
         "citations": list(dict.fromkeys(cites)),

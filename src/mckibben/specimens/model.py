@@ -233,8 +233,8 @@ BETWEEN_COMPONENTS = {
     "pressure_shape": "1",
     "noise": "1",
 }
-# Half widths of the 95 % interval of another muscle of the make, as shares of the largest tension [1].
-BETWEEN_SHARES = ("same_rig", "elsewhere", "after_one_reading", "after_two_readings", "calibrated")
+# Half widths of the 95 % interval of muscles of a make whose differences are not known, over the largest tension [1].
+BETWEEN_SHARES = ("same_rig", "elsewhere", "calibrated")
 KNOWN_BETWEEN = BETWEEN_COMPONENTS | dict.fromkeys(BETWEEN_SHARES, "1")
 # What a specimen states that was calibrated by readings of one muscle; a parameter as it was before is "before_NAME".
 READINGS = {"reading_lengths": "m", "reading_pressures": "Pa", "reading_tensions": "N"}

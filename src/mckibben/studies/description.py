@@ -87,7 +87,7 @@ class MuscleDescription(Answer):
             "laws": list(spec.laws),
             "parameters": {path: _entry(number) for path, number in self.numbers().items()},
             "sources": spec.sources,
-            "law_error": muscles.evidence.law_error(spec, self.law_name),
+            "law_error": muscles.evidence.law_error(spec, self.law),
         }
 
     def rows(self) -> list[dict[str, JsonValue]]:
@@ -111,8 +111,9 @@ class MuscleDescription(Answer):
         said = [] if self.law is None else [f"Law: {title}. Other laws stated: {others}."]
         error = muscles.evidence.error_of(self.specimen, self.law_name)
         said += [] if error is None else [f"Error of the law: {error}."]
-        interval = muscles.evidence.interval_words(self.specimen, self.law_name)
-        return said + ([] if self.law is None else [f"One muscle: {interval}."])
+        if self.law is None:
+            return said
+        return [*said, f"One muscle: {muscles.evidence.interval_words(self.specimen, self.law)}."]
 
     def data_sheet(self, path: str | Path) -> Path:
         """Write the data sheet of a McKibben muscle on one page, in the terms of makers' sheets.
@@ -153,7 +154,7 @@ def describe_muscle(muscle: MuscleName, *, law: LawName | None = None) -> Muscle
         raise InputError("law", law, f"{spec.id} states", known=spec.laws)
     chosen = spec.law if law is None else law
     built = None if spec.kind == "valve" else muscles.muscle.built_muscle(spec, law=chosen).law
-    cautions = collect(*muscles.evidence.law_cautions(spec, chosen))
+    cautions = collect(*muscles.evidence.law_cautions(spec, built))
     return MuscleDescription(spec, chosen, built, cautions, tuple(dict.fromkeys(spec.sources)))
 
 

@@ -199,7 +199,7 @@ def readings_to_take(
     Raises:
         InputError: the specimen states no such differences, or the length is none of such a muscle.
     """
-    new = new_muscle(muscle, same_rig=same_rig)
+    new = new_muscle(muscle.specimen, muscle.law, same_rig=same_rig)
     rest = new.muscle.rest_length
     if shortest is not None and not 0.5 * rest < shortest < rest:
         ends = f"{with_unit(0.5 * rest, 'm')} and its rest length, {with_unit(rest, 'm')}"

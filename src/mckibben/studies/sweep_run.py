@@ -11,6 +11,7 @@ from ..batch import VariantOutcome
 from ..batch.drive import SweepReport, Workers, run_sweep
 from ..batch.sweep import Sweep, read_sweep
 from ..documents import JsonValue
+from ..muscles.build import law_from_specimen
 from ..muscles.evidence import interval_remarks, law_error
 from ..quantities import with_unit
 from ..verbs import ResultFolder, SchedulerName, SweepFile, WorkerCount, verb
@@ -108,7 +109,7 @@ class SweepResults(Answer):
 
     def _law_errors(self) -> dict[str, Any]:
         """What is known of the tension of each muscle that a variant may name."""
-        return {name: law_error(spec, spec.law) for name, spec in self.sweep.template.specimens.items()}
+        return {name: law_error(spec, law_from_specimen(spec)) for name, spec in self.sweep.template.specimens.items()}
 
     def failure(self) -> str | None:
         """Empty where a variant did not reach its end or lacks an output, which the table and the cautions say."""

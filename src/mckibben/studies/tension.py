@@ -74,7 +74,7 @@ class Tensions(Answer):
         about: dict[str, Any] = {"law": self.law, "specimen": None if spec is None else spec.id}
         about |= {
             "warnings": [one.text for one in self.cautions],
-            "law_error": muscles.evidence.law_error(spec, self.law),
+            "law_error": muscles.evidence.law_error(spec, self.muscle.law),
         }
         if spec is None:
             about |= {"parameters": values(self.muscle.law), "defaults": list(self.defaults)}
@@ -131,7 +131,7 @@ class Tensions(Answer):
         stated = (f"{n} = {with_unit(float(getattr(self.muscle.law, n)), known[n].unit)}" for n in self.defaults)
         said = [] if error is None else [f"Error of the law: {error}."]
         spec = self.muscle.specimen
-        interval = "" if spec is None else muscles.evidence.interval_words(spec, self.law)
+        interval = "" if spec is None else muscles.evidence.interval_words(spec, self.muscle.law)
         said += [f"{interval[:1].upper()}{interval[1:]}."] if interval else []
         return said + ([f"Not given, by default of the law: {', '.join(stated)}."] if self.defaults else [])
 
@@ -186,7 +186,7 @@ def tension(
         problem = f"and its drive must be at most {MOST_VALUES:,} points together, got {count}"
         raise InputError("length" if contraction is None else "contraction", None, problem)
     said: tuple[Caution, ...] = ()
-    spread = muscles.evidence.make_spread(built.specimen)
+    spread = muscles.evidence.make_spread(built.specimen, built.law)
     if same_rig and (spread is None or spread.same_rig is None or posterior is not None):
         known = "a muscle whose specimen states how far others on its rig are from it, and which no readings calibrated"
         problem = "without {posterior}" if posterior is not None else f"for {known}, such as festo-10mm"
@@ -306,7 +306,7 @@ def _cautions(muscle: muscles.Muscle, law: str, drives: list[float], pressure: A
     spec = muscle.specimen
     high = None if pressure is None else muscles.plausible.pressure_caution(max(drives), spec, text=typed(pressure))
     free = muscles.plausible.free_length_caution(muscle.law, drives, spec)
-    return collect(high, free, *muscles.evidence.law_cautions(spec, law, at_rest=False))
+    return collect(high, free, *muscles.evidence.law_cautions(spec, muscle.law, at_rest=False))
 
 
 def _add_ranges(points: list[dict[str, Any]], muscle: muscles.Muscle, name: str) -> tuple[Caution, ...]:
@@ -337,18 +337,11 @@ def _add_spread(points: list[dict[str, Any]], muscle: muscles.Muscle, same_rig: 
     spec = muscle.specimen
     if spec is None or spec.kind != "mckibben":
         return ""
-    spread = muscles.evidence.make_spread(spec)
-    length, pressure = (np.array([p[name] for p in points]) for name in ("length", "pressure"))
-    if spread is None or spread.calibrated is None:
-        band = muscles.evidence.make_band(spec, muscle.law, length, pressure, same_rig=same_rig)
-    else:
-        from ..identification.between import predicted_tension
-        from ..identification.calibration import new_muscle
-
-        told = predicted_tension(new_muscle(muscle), length, pressure, np.array([p["tension"] for p in points]))
-        band = np.stack([told.low, told.high])
+    at = (np.array([p[name] for p in points]) for name in ("length", "pressure"))
+    band = muscles.evidence.tension_interval(spec, muscle.law, *at, same_rig=same_rig)
     if band is None:
         return ""
+    spread = muscles.evidence.make_spread(spec, muscle.law)
     for point, low, high in zip(points, *band, strict=True):
         point |= {"tension_low": float(low), "tension_high": float(high)}
     if spread is None:

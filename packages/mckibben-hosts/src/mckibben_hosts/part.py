@@ -194,7 +194,7 @@ class Part:
         self.hosted: HostedMuscles = HostedMuscles.of(
             machine, drives=self.air.drives, start=chambers, substep=in_si(substep, "s", "substep")
         )
-        self.law_error = {name: law_error(published(one), law_name(units[name].law)) for name, one in named.items()}
+        self.law_error = {name: law_error(published(one), units[name].law) for name, one in named.items()}
         self.muscles, self.commands = tuple(units), self.hosted.commands
         settled = {command: starts[muscle] for command, muscle in self.air.settles.items()}
         self.command: dict[str, float] = {**dict.fromkeys(self.commands, 0.0), **self.air.begins, **settled}
@@ -255,7 +255,7 @@ class Part:
             raise InputError("nodes", None, "must have at least one node of the kind muscle", where=plan.where)
         spans = usual | _by_muscle(span, "m", "span", units)
         part = cls(units, plan, span=spans, substep=substep, title=plan.title, tendon=tendon)
-        part.law_error = {n: law_error(spec, law_name(units[n].law)) for n, spec in specs.items()}
+        part.law_error = {n: law_error(spec, units[n].law) for n, spec in specs.items()}
         return part
 
     def _prepare(self) -> None:

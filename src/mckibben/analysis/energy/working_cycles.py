@@ -346,7 +346,7 @@ class WorkingCycles(Answer):
             "overstretched": self.overstretched,
             "friction": c.friction,
             "reading": c.reading,
-            "law_error": law_error(self.specimen, self.law),
+            "law_error": law_error(self.specimen, self.muscles[self.volume].law),
         }
         if self.curves:
             content["curves"] = [
@@ -411,7 +411,7 @@ class WorkingCycles(Answer):
             remarks.append(
                 f"Overstretched: the law is made for up to {most}. The stop beyond is left out, as in the paper."
             )
-        return [*remarks, f"Tension of one muscle: {interval_words(self.specimen, self.law)}."]
+        return [*remarks, f"Tension of one muscle: {interval_words(self.specimen, self.muscles[self.volume].law)}."]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """`rows` as a data frame.
@@ -496,7 +496,7 @@ def energy(
     computed = {n: {v: energy_cycle(m, n, conditions) for v, m in muscles.items()} for n in names}
     length, longest = conditions.stretched_length, float(own.law.length_range()[1])
     said = collect(
-        *law_cautions(spec, law),
+        *law_cautions(spec, own.law),
         pressure_caution(conditions.pressure, spec, text=typed(pressure)),
         free_length_caution(own.law, [conditions.pressure], spec) if "maximal" in names else None,
         None

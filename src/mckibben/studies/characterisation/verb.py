@@ -67,6 +67,7 @@ POINTS = "points.csv"  # in the folder: points of the map, without friction and 
 CONTENTS = {"rig_digest": "rig", "muscle_digest": "muscle", "make_digest": "make"}
 LESS = 0.7  # of the largest tension, to be asked for where the rig's interlock has stopped a stage
 LEAST_TOE = 1e-6  # stretch over which a cord of a stated stiffness gets stiff [m]
+MOST_MISREAD = 0.2  # of its rest length, by which a ruler may miss that of a simulated muscle
 _NUMBERED = [*STAGES, *OTHER_STAGES]
 SATURATED = 2.0  # counts from the top of a converter at which a reading says nothing
 Sizes = Annotated[Any, ParameterType("NAME=VALUE")]  # by name, numbers [SI] or text
@@ -488,11 +489,14 @@ def mounted_muscle(
         problem = "is missing: the muscle of the simulated rig" if muscle is None else "is of a simulated rig"
         raise InputError("muscle", None, problem)
     unit = None if muscle is None else rig_unit(muscle)
-    if rest_length is None:
-        if unit is None:
-            raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
-        rest_length = _rest_of(muscle, unit)
-    return rig if isinstance(rig, Rig) else rig_of(rig), unit, float(in_si(rest_length, "m", field="rest_length"))
+    own = None if unit is None else _rest_of(muscle, unit)
+    if rest_length is None and own is None:
+        raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
+    rest = own if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
+    if own is not None and abs(rest / own - 1.0) > MOST_MISREAD:
+        problem = f"must be about {with_unit(own, 'm')}, that of the simulated muscle; simulate one that is cut to it"
+        raise InputError("rest_length", with_unit(rest, "m"), problem)
+    return rig if isinstance(rig, Rig) else rig_of(rig), unit, rest
 
 
 def recorded_stages(

@@ -16,7 +16,6 @@ from ...errors import InputError
 from ...extras import library
 from ...muscles import Muscle
 from ...muscles.evidence import law_cautions
-from ...muscles.law import law_name
 from ...muscles.plausible import free_length_caution, pressure_caution
 from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import PublishedRange, published_ranges
@@ -233,7 +232,7 @@ def _cautions(subject: ComparedMuscle, pressure: float, text: str | None) -> tup
     assert subject.unit is not None
     law, spec = subject.unit.law, subject.spec
     at_pressure = (pressure_caution(pressure, spec, text=text), free_length_caution(law, [pressure], spec))
-    return collect(*at_pressure, *law_cautions(spec, law_name(law)))
+    return collect(*at_pressure, *law_cautions(spec, law))
 
 
 def _target(name: str, subjects: Sequence[ComparedMuscle]) -> ComparedMuscle:

@@ -31,7 +31,6 @@ from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
 from ...muscles.build import rest_length_of, upper_length_of
 from ...muscles.evidence import interval_words
-from ...muscles.law import law_name
 from ...muscles.muscle import from_specimen
 from ...quantities import from_si, with_unit
 from ...recordings import Recording, read_recording
@@ -288,7 +287,7 @@ def _braided(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ...]]
     else:
         notes.append("no friction is stated")
     efficiencies, said = _efficiency(muscle, values.get("coulomb_friction", 0.0))
-    return values | efficiencies, (*notes, said, interval_words(muscle.spec, law_name(unit.law)))
+    return values | efficiencies, (*notes, said, interval_words(muscle.spec, unit.law))
 
 
 def _efficiency(muscle: ComparedMuscle, friction: float) -> tuple[dict[str, float], str]:

@@ -19,7 +19,7 @@ from ...assembly.build import INFERRED as ASSEMBLED
 from ...assembly.muscle_unit import MuscleUnit
 from ...components.gas import AIR
 from ...documents import JsonValue
-from ...muscles.evidence import half_width, interval_words
+from ...muscles.evidence import interval_words, tension_interval
 from ...muscles.law import TensionLaw
 from ...specimens import Specimen
 from .braid_law import LawError
@@ -131,7 +131,7 @@ class Judged:
         """How far one such muscle may be off, in words, or that nothing says it."""
         one, ends = self.muscle, self.interval
         if ends is not None and one.spec is not None:
-            of_make = interval_words(one.spec, one.law_name)
+            of_make = interval_words(one.spec, one.law)
             return f"{ends[0]:.3g} to {ends[1]:.3g} N at the end of the stroke (95 %): {of_make}"
         return "no interval: nothing says how far one such muscle is from the law"
 
@@ -257,7 +257,9 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
             margins[name] = limit / has - 1.0
     if muscle.rated_pressure is not None:
         margins["pressure"] = muscle.rated_pressure / wish.pressure - 1.0
-    pull, half = said - muscle.friction, None if muscle.spec is None else half_width(muscle.spec, muscle.law)
+    pull = said - muscle.friction
+    band = tension_interval(muscle.spec, muscle.law, max(end, low), wish.pressure)
+    aside = None if band is None else band - float(ends.tension(max(end, low)))
     return Judged(
         muscle,
         pull,
@@ -269,7 +271,7 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
         margins,
         nominal,
         air_of_cycle(muscle, wish),
-        interval=None if half is None else (max(pull - half, 0.0), max(pull + half, 0.0)),
+        interval=None if aside is None else tuple(max(pull + float(one), 0.0) for one in aside),
     )
 
 
