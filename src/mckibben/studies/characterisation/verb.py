@@ -490,9 +490,9 @@ def mounted_muscle(
         raise InputError("muscle", None, problem)
     unit = None if muscle is None else rig_unit(muscle)
     own = None if unit is None else _rest_of(muscle, unit)
-    if rest_length is None and own is None:
-        raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
     rest = own if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
+    if rest is None:
+        raise InputError("rest_length", None, "is missing: the span at which the muscle is mounted")
     if own is not None and abs(rest / own - 1.0) > MOST_MISREAD:
         problem = f"must be about {with_unit(own, 'm')}, that of the simulated muscle; simulate one that is cut to it"
         raise InputError("rest_length", with_unit(rest, "m"), problem)

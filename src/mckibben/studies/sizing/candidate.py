@@ -260,6 +260,7 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
     pull = said - muscle.friction
     band = tension_interval(muscle.spec, muscle.law, max(end, low), wish.pressure)
     aside = None if band is None else band - float(ends.tension(max(end, low)))
+    low_end, high_end = (0.0, 0.0) if aside is None else (max(pull + float(one), 0.0) for one in aside)
     return Judged(
         muscle,
         pull,
@@ -271,7 +272,7 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
         margins,
         nominal,
         air_of_cycle(muscle, wish),
-        interval=None if aside is None else tuple(max(pull + float(one), 0.0) for one in aside),
+        interval=None if aside is None else (low_end, high_end),
     )
 
 
