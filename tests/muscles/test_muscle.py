@@ -3,6 +3,7 @@
 import dataclasses
 import pickle
 import warnings
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -15,6 +16,7 @@ from mckibben.identification.fit import measured_range
 from mckibben.muscles.elements import MaxwellChain
 from mckibben.muscles.hysteresis import BoucWen, Coulomb, Dahl, FrictionLimit, MaxwellSlip, PrandtlIshlinskii
 from mckibben.muscles.plausible import usual_pressure
+from mckibben.specimens import specimen
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +137,12 @@ def test_a_law_alone_is_a_muscle_and_one_line():
     muscle = mk.muscle("ideal", thread_length="16 cm", turns=3.2)
     assert muscle == mk.Muscle(mk.law("ideal", {"thread_length": 0.16, "turns": 3.2}))
     assert repr(muscle) == "Muscle(own, ideal)" and "\n" not in repr(mk.muscle("nylon"))
+
+
+@pytest.mark.parametrize("name", ["nylon", Path("nylon.toml"), specimen("nylon")])
+def test_what_names_a_muscle_is_no_law(name):
+    with pytest.raises(InputError, match=r"^law must be a tension law, got '?nylon.*; mckibben\.muscle\(\.\.\) makes"):
+        mk.Muscle(name)
 
 
 @pytest.mark.parametrize("activation", [50, -0.1, [0.0, 1.2], "120 %"])

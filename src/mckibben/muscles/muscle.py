@@ -87,6 +87,11 @@ class Muscle(Module):
     plot: ClassVar[Accessor[MusclePlots]] = Accessor("MusclePlots")
     """Plots: ``plot.force_map``, ``plot.free_length``, ``plot.volume`` and ``plot.braid``, see `report.figures.plots`."""
 
+    def __check_init__(self) -> None:
+        if isinstance(self.law, str | os.PathLike | Specimen):
+            problem = "must be a tension law; mckibben.muscle(..) makes the muscle of a name, a file or a specimen"
+            raise InputError("law", str(getattr(self.law, "id", self.law)), problem)
+
     def __eq__(self, other: object) -> bool:
         # who stated a number is told with it, and makes no other muscle
         theirs = other.with_fields(stated=()) if isinstance(other, Muscle) else other
