@@ -186,8 +186,8 @@ def test_an_accumulator_adds_its_volume_to_the_node_it_is_screwed_to():
     for one in machine.plumbing.values():
         bare = one.replace(has_muscle=False, valve_accumulator=0.0, muscle_accumulator=2e-4)
         full = bare.replace(valve_accumulator=3e-4, muscle_accumulator=4e-4)
-        sizes = [{name: float(getattr(node, "size", 0.0)) for name, node in p.circuit({}, machine.environment).nodes.items()}
-                 for p in (bare, full)]  # fmt: skip
+        nodes = [p.circuit({}, machine.environment).nodes for p in (bare, full)]
+        sizes = [{name: float(getattr(node, "volume", 0.0)) for name, node in some.items()} for some in nodes]
         added = {name: size - sizes[0][name] for name, size in sizes[1].items()}
         # differences of volumes of 1e-4 m^3
         assert added == pytest.approx(

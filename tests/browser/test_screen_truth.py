@@ -292,10 +292,10 @@ def test_words_of_the_drawn_machine_do_not_run_into_each_other(visit, width):
                 top: y - m.actualBoundingBoxAscent, bottom: y + m.actualBoundingBoxDescent } }
             return was.call(this, t, x, y) } }"""
     )
-    page.set_viewport_size({"width": width, "height": 900})
-    page.wait_for_function("() => Object.keys(window.said).some(t => t.startsWith('the protocol'))")
+    page.wait_for_function("() => window.lab?.lab.parts.dry?.passed")
     page.wait_for_timeout(500)
     page.evaluate("window.said = {}")
+    page.set_viewport_size({"width": width, "height": 900})  # what stands is drawn no second time by itself
     page.wait_for_function("() => Object.keys(window.said).some(t => t.startsWith('the protocol'))")
     over = page.evaluate(
         """() => { const all = Object.entries(window.said).filter(([t]) => t.length > 1); const wrong = []

@@ -199,7 +199,7 @@ def test_what_is_wrong_is_refused_before_anything_is_computed(call, says):
 
 def test_tables_say_what_the_answer_says(found):
     muscles, sources, day = found.tables()
-    assert muscles.cells()[0][0] == found.muscles[0].muscle.id and len(muscles.columns) == len(muscles.cells()[0])
+    assert muscles.cells()[0][0] == found.muscles[0].muscle.id and len(muscles.heads) == len(muscles.cells()[0])
     assert any("43.4" in note for note in muscles.notes)  # of nylon: 43.4 N by the law
     assert sources.cells()[0][0].startswith("own battery of 100 W h")
     assert day.title.startswith("A day of 4 h: 7200 cycles") and np.isclose(found.daily.cycles, 7200)

@@ -140,7 +140,8 @@ def _one_of_make(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = Fal
     """Gaussian of one muscle, see `identification.between`; None where the specimen does not state what it is made of."""
     if spec is None or _of_other_bore(spec, law) or not all(name in spec.between for name in BETWEEN_COMPONENTS):
         return None
-    return implementation("new_muscle")(spec, law, same_rig=same_rig)
+    # what a muscle has learned stands beside the law that all of its make share
+    return implementation("new_muscle")(spec, getattr(law, "of", law), same_rig=same_rig)
 
 
 def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = False) -> float | None:
