@@ -134,3 +134,12 @@ def test_the_columns_of_unlike_rows_are_those_of_the_first() -> None:
 def test_few_entries_of_a_mapping_are_shown_and_more_are_counted() -> None:
     assert brief(Shown({i: i for i in range(FEW)})) == "Shown(value={0: 0, 1: 1, 2: 2})"
     assert brief(Shown({i: i for i in range(FEW + 1)})) == "Shown(value=4 entries)"
+
+
+def test_a_column_in_which_nothing_stands_is_not_shown_and_stays_in_the_rows():
+    columns = (Column("name"), Column("length", unit="m"), Column("force", unit="N"))
+    rows = [{"name": "a", "length": None, "force": 1.0}, {"name": "b", "length": math.nan, "force": None}]
+    table = Table("", columns, rows)
+    assert table.heads == ["name", "force, N"] and table.cells() == [["a", "1"], ["b", ""]] and table.right == [1]
+    assert len(table.columns) == 3 and table._repr_html_().count("<th") == 2
+    assert Table("", columns, []).heads == [one.head for one in columns]  # of no row nobody knows

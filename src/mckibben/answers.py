@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -149,7 +150,7 @@ class Table:
         heading = f"<p><b>{escape(self.title)}</b></p>" if self.title else ""
         return f"{heading}<table>{line('th', self.heads)}{''.join(lines)}</table>{notes}"
 
-    @property
+    @functools.cached_property  # each cell asks for it
     def told(self) -> list[Column]:
         """Columns that say something in at least one row; all of them where there is no row."""
         return [one for one in self.columns if not self.rows or any(one.cell(row) for row in self.rows)]

@@ -29,6 +29,22 @@ def by_hand(page):
     return float(words[1]) * {"cm": 1.0, "mm": 0.1, "m": 100.0}[words[2]]
 
 
+def test_while_another_muscle_is_tried_nothing_of_the_former_is_drawn(bench, until):  # noqa: F811
+    page = bench()
+    until(
+        lambda: page.evaluate("window.lab.lab.parts.dry?.passed === true && Boolean(window.lab.bench.loop.laws)"), 60.0
+    )
+    page.evaluate("""() => { window.wrong = 0; window.looks = 0
+        const was = window.lab.lab.parts.setup.muscle; const laws = window.lab.bench.loop.laws
+        const look = () => { const { setup, dry } = window.lab.lab.parts; const { loop, strips } = window.lab.bench
+            if (dry.pending && setup.muscle !== was) {
+                window.looks++; if (loop.dry || loop.laws === laws || strips.source) window.wrong++ }
+            requestAnimationFrame(look) }; look() }""")
+    page.evaluate("window.lab.act('muscle', { name: 'fiberglass' })")
+    until(lambda: page.evaluate("window.looks > 0 && !window.lab.lab.parts.dry.pending"), 60.0)
+    assert page.evaluate("window.wrong") == 0
+
+
 def test_a_run_without_a_sample_shows_none_of_the_run_before(bench, status, until):  # noqa: F811
     page = bench()
     clicked(page, until, status)

@@ -170,7 +170,7 @@ def _shown(value: float, unit: str) -> str:
     return f"{1e3 * value:.3g} mm" if unit == "m" else f"{100.0 * value:.3g} %"
 
 
-# Another laboratory: two such were off by 17 and 25 % at most; as a component that readings condition it made these worse.
+# Another laboratory: two such were off by 17 and 25 % at most. As a component that readings condition it made one worse.
 ELSEWHERE = dataclasses.replace(Between().scaled(2.0), gain=0.09, unread=0.20)
 
 
