@@ -20,6 +20,7 @@ from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
 from mckibben.web.bench.chosen import braid_table
+from mckibben.web.bench.machine import Bench as MachineOfServer
 from mckibben.web.bench.machine import RunController
 from mckibben.web.bench.protocol import changed, dry_run, faces
 from mckibben.web.charts import Axis, Chart, ChartLine, thinned
@@ -171,6 +172,23 @@ def test_a_toast_waits_while_somebody_points_at_it():
 
 BAD = ["../x.nc", "a/b.nc", "/etc/passwd", "..", ".nc", ".hidden.nc", "x.exe", "x.nc\n", "a\0.nc", "x..nc", "",
        "x" * 200 + ".nc", "\u6d4b" * 80 + ".nc", "\u202ecn.nc", "con\\x.nc", "x.nc.", "C:x.nc", "~x.nc"]  # fmt: skip
+
+
+def test_two_ways_back_that_are_asked_for_at_once_lead_back_two_changes(tmp_path, monkeypatch):
+    bench = Workspace(tmp_path, MachineOfServer).machine
+    monkeypatch.setattr(bench.chosen, "_make", lambda *_: None)  # dry runs, which are not asked for here
+    opens, may_go_on = threading.Event(), threading.Event()
+    monkeypatch.setattr(bench, "_open_again", lambda: None)
+    for name in ("fiberglass", "bridgestone"):
+        bench.actions()["muscle"](name)
+    monkeypatch.setattr(bench, "_open_again", lambda: (opens.set(), may_go_on.wait(0.5)))
+    first, second = threading.Thread(target=bench.undo), threading.Thread(target=bench.undo)
+    first.start()
+    assert opens.wait(10.0)  # the muscle of before is chosen, and its machine not yet open
+    second.start()
+    first.join(), second.join()
+    assert bench.chosen.spec.id == "nylon"
+    bench.close()
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -54,6 +54,7 @@ class Bench:
         self.workspace, self.stream, self.messages = workspace, Stream(), Messages()
         self.pace, self.clock = "real", Clock(grain=GRAIN)  # of runs on the simulated machine
         self._lock, self.spec = threading.RLock(), spec
+        self._choosing = threading.RLock()  # a change and its way back are one, also where pages ask for two at once
         words = "" if spec is None else spec.words
         self.chosen = BenchSelection(workspace.protocols, workspace.changed, muscle=muscle, rig=rig, machine=words)
         self.chosen.told = lambda dry: self.messages.say(dry.sentence, kind="done" if dry.passed else "stop")
@@ -131,12 +132,13 @@ class Bench:
     # ---- the choice
 
     def _change(self, do: Callable[..., str], *words: Any) -> str:
-        self._require_no_run("change of the protocol")
-        before = self.chosen.choice
-        said = do(*words)
-        if self.chosen.choice != before:
-            self._before = [*self._before[1 - UNDONE :], (time.monotonic(), before)]
-        return said
+        with self._choosing:
+            self._require_no_run("change of the protocol")
+            before = self.chosen.choice
+            said = do(*words)
+            if self.chosen.choice != before:
+                self._before = [*self._before[1 - UNDONE :], (time.monotonic(), before)]
+            return said
 
     def refusal(self, spec: Specimen) -> str:
         """Return why the selected protocol cannot run with another muscle; empty where it can."""
@@ -145,27 +147,30 @@ class Bench:
     @property
     def changed_at(self) -> float:
         """When the newest change that can be undone was made, by the clock of `time.monotonic` [s]."""
-        return self._before[-1][0] if self._before else -math.inf
+        with self._choosing:  # one that is being made counts
+            return self._before[-1][0] if self._before else -math.inf
 
     def undo(self) -> str:
         """Choose what was chosen before the newest change of muscle, rig or protocol; the way back is no change."""
-        if not self._before:
-            raise InputError("undo", None, "finds nothing: no muscle, rig or protocol was chosen or changed")
-        earlier, choice = self._before[:-1], self._before[-1][1]
-        back = functools.partial(self.chosen.restore, choice)
-        same = choice.spec is self.chosen.spec and choice.rig is self.chosen.rig
-        said = self._change(back) if same else self._set_up(lambda _: back(), "")
-        self._before = earlier
-        return said
+        with self._choosing:
+            if not self._before:
+                raise InputError("undo", None, "finds nothing: no muscle, rig or protocol was chosen or changed")
+            earlier, choice = self._before[:-1], self._before[-1][1]
+            back = functools.partial(self.chosen.restore, choice)
+            same = choice.spec is self.chosen.spec and choice.rig is self.chosen.rig
+            said = self._change(back) if same else self._set_up(lambda _: back(), "")
+            self._before = earlier
+            return said
 
     def _set_up(self, do: Callable[..., str], name: str) -> str:
-        self._require_no_run("change of muscle or rig")
-        if self.view.moving:
-            raise InputError("muscle and rig", None, "must wait: the machine is operated by hand; vent first")
-        said = self._change(do, str(name))
-        self.messages.say(f"{self.chosen.words()}.")
-        self._open_again()
-        return said
+        with self._choosing:
+            self._require_no_run("change of muscle or rig")
+            if self.view.moving:
+                raise InputError("muscle and rig", None, "must wait: the machine is operated by hand; vent first")
+            said = self._change(do, str(name))
+            self.messages.say(f"{self.chosen.words()}.")
+            self._open_again()
+            return said
 
     def choose_rig(self, name: str) -> str:
         """Choose the rig of a simulated machine."""
