@@ -1,6 +1,7 @@
 """What macOS and Windows lack is not needed: names of files, line ends, calls, and runs with all of it taken away."""
 
 import ast
+import functools
 import os
 import subprocess
 import sys
@@ -25,12 +26,13 @@ GUARDS = ("hasattr(", "AttributeError", "ImportError", "os.name", "sys.platform"
 SIMULATED_LINE = "_pair"  # a pseudo-terminal is what a simulated serial line is made of: `device serve` says so
 
 
+@functools.cache
 def functions(path: Path) -> list[tuple[str, str, ast.AST]]:
     """Name, source and tree of each function of a file, and of the file where it is none."""
     text = path.read_text(encoding="utf-8")
-    tree = ast.parse(text)
+    tree, lines = ast.parse(text), text.splitlines()
     inner = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
-    return [(n.name, ast.get_source_segment(text, n) or "", n) for n in inner] + [("", text, tree)]
+    return [(n.name, "\n".join(lines[n.lineno - 1 : n.end_lineno]), n) for n in inner] + [("", text, tree)]
 
 
 def calls(tree: ast.AST, name: str) -> list[ast.Call]:

@@ -142,8 +142,7 @@ class TensionLaw(Module):
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
         length, pressure = _together(length, pressure)
         at = _within(self, length)
-        force = self.elastic_tension(at.length) + _active(self, at.length, pressure)
-        return at.share * force + self.thread_stiffness() * at.stretch
+        return at.share * self._force(at.length, pressure) + self.thread_stiffness() * at.stretch
 
     @evaluated
     def braid_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -166,8 +165,12 @@ class TensionLaw(Module):
     def thread_stiffness(self) -> Scalar:
         """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 10 bar over their stretch."""
         longest = jnp.asarray(self.length_range()[1], float)
-        full = self.elastic_tension(longest) + _active(self, longest, jnp.full_like(longest, HIGHEST_PRESSURE))
+        full = self._force(longest, jnp.full_like(longest, HIGHEST_PRESSURE))
         return jnp.maximum(full, LEAST_PULL) / (self.thread_strain * longest)
+
+    def _force(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Sum of both parts, as the formulas give them [N]; a law of one potential that is costly asks for it once."""
+        return self.elastic_tension(length) + _active(self, length, pressure)
 
     # ---- the muscle between its anchors: unilateral
 

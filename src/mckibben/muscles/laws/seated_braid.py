@@ -70,6 +70,9 @@ class BraidInSeats(TensionLaw):
         u: Scalar = _take_up(self.braid(), self.seat_compliance, length, pressure)
         return u
 
+    def _force(self, length: Scalar, pressure: Scalar) -> Scalar:
+        return derivative(lambda x: self._potential(x, pressure), length)  # its parts would settle once more, without gas
+
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         energy: Scalar = _potential(self.braid(), self.seat_compliance, length, pressure)
         return energy
