@@ -60,7 +60,7 @@ def everywhere(law: TensionLaw) -> tuple[np.ndarray, np.ndarray]:
     ends = np.array([np.nextafter(x, way) for x in thread for way in (0.0, x, math.inf)])
     length = np.concatenate([np.geomspace(1e-3, 10.0 * thread[0], 80), ends])
     # The boundary of slack. Without load the seats take up nothing, so that of the bare braid serves, which compiles fast.
-    free = np.asarray(FREE_LENGTH(law._braid() if law_name(law) in SEATED else law, pressure))
+    free = np.asarray(FREE_LENGTH(law.braid() if law_name(law) in SEATED else law, pressure))
     near = np.concatenate([free, np.nextafter(free, 0.0), np.nextafter(free, math.inf)])
     span, at = np.meshgrid(length, pressure, indexing="ij")
     span, at = np.concatenate([span.ravel(), near]), np.concatenate([at.ravel(), np.tile(pressure, 3)])
