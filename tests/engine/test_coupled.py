@@ -7,7 +7,7 @@ from mckibben.assembly import machine as machine_module
 from mckibben.assembly.build import AirLine, rig_cord, several, unit_from_specimen
 from mckibben.assembly.loads import Body, ChainLink, JointLoad, LinkChain, MomentArm, PlateLoad
 from mckibben.engine import held
-from mckibben.engine.coupled import CoupledRun
+from mckibben.engine.coupled import CellGroup, CoupledRun
 from mckibben.engine.integration import compile_march
 from mckibben.engine.native import EngineFunction
 from mckibben.engine.signals import Value
@@ -171,3 +171,7 @@ def test_few_muscles_and_muscles_joined_by_a_tube_are_one_step():
         elements={**circuit.elements, "bridge": tube}, ends={**circuit.ends, "bridge": (("m0", "m1"), None)}
     )
     assert machine.replace(circuit=bridged).coupling() is None
+
+
+def test_a_cell_counts_once_and_one_that_fills_up_not_at_all():
+    assert CellGroup(None, np.zeros((3, 8), int), [{}] * 5).weights.tolist() == [1.0] * 5 + [0.0] * 3

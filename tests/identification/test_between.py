@@ -64,6 +64,7 @@ def test_a_muscle_from_elsewhere_is_less_sure_than_one_of_the_rig(found: Fit) ->
     taut = near.tension > 0.0
     assert (far.high > near.high)[taut].all()
     assert Between().scaled(3.0).elsewhere().whole_length == ELSEWHERE.whole_length  # another rig is not this one
+    assert replace(Between(), gain=0.3).elsewhere().gain == 0.3  # which is no surer there than here
 
 
 def test_the_covariance_is_symmetric_and_positive(found: Fit) -> None:

@@ -1,12 +1,13 @@
 """Formats of other packages are found by their entry points."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 
 from mckibben import registry
-from mckibben.errors import InputError
+from mckibben.errors import InputError, MissingLibraryError
 from mckibben.formats import sidecar
 from mckibben.formats.table import Channel, FileFormat, ForeignColumn, ForeignTable, StoredRecording
 from mckibben.recordings import read_any, read_force_map, write
@@ -109,3 +110,12 @@ def test_a_place_in_a_file_is_named_by_its_row_or_counted_from_one():
 def test_what_a_file_holds_of_a_recording_is_checked_as_a_recording_is(time, channels, said):
     with pytest.raises(InputError, match=said):
         StoredRecording(np.array(time), channels, {})
+
+
+def test_a_format_whose_library_is_missing_is_refused_before_it_is_written(monkeypatch):
+    needs = FileFormat(title="Tables of somebody", read=read_any, requires="pandas")
+    needs.check_libraries("a.tab")
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(MissingLibraryError, match=r"a.tab: Tables of somebody need polars, which is not installed"):
+        FileFormat(title="Tables of somebody", read=read_any, requires="polars").check_libraries("a.tab")
+    FileFormat(title="Tables of somebody", read=read_any).check_libraries("a.tab")
