@@ -34,7 +34,7 @@ PHYSICS_TESTS = {
     "assembly/muscle_unit.py": "assembly/test_tied_muscle.py assembly/test_clamp.py laws/test_machines.py",
     "assembly/accounts.py": "bench/test_energy_of_runs.py laws/test_exergy.py laws/test_machines.py "
     "bench/test_frame.py",
-    "assembly/loads/": "laws/test_link_chain.py laws/test_machines.py bench/test_joint.py",
+    "assembly/loads/": "laws/test_power_of_loads.py laws/test_link_chain.py laws/test_machines.py bench/test_joint.py",
     "assembly/linearise.py": "laws/test_linearise.py",
     "engine/integration.py": "laws/test_refusals_of_physics.py laws/test_convergence_order.py engine/test_soundness.py "
     "simulation/test_chosen_steps.py",
@@ -43,8 +43,8 @@ PHYSICS_TESTS = {
     "engine/soundness.py": "engine/test_soundness.py",
     "engine/rates.py": "simulation/test_chosen_steps.py",
     "engine/prediction.py": "engine/test_prediction.py",
-    "simulation/linear.py": "simulation/test_linear.py",
-    "simulation/fit.py": "simulation/test_fit.py",
+    "simulation/linear.py": "test_numbers_of_answers.py simulation/test_linear.py",
+    "simulation/fit.py": "test_numbers_of_answers.py simulation/test_fit.py",
     "simulation/estimator.py": "simulation/test_estimator.py",
     "simulation/stepping.py": "simulation/test_simulation.py simulation/test_operations.py simulation/test_batch.py",
     "simulation/simulation.py": "laws/test_refusals_of_physics.py simulation/test_simulation.py "
@@ -52,7 +52,8 @@ PHYSICS_TESTS = {
     "analysis/loops.py": "laws/test_refusals_of_physics.py analysis/test_loops.py analysis/test_loop_residuals.py "
     "analysis/test_questions.py analysis/test_sampling.py analysis/test_history.py",
     "analysis/steps.py": "analysis/test_steps.py analysis/test_questions.py",
-    "analysis/frequency.py": "analysis/test_frequency.py analysis/test_timing.py analysis/test_loops.py "
+    "analysis/frequency.py": "test_numbers_of_answers.py analysis/test_frequency.py analysis/test_timing.py "
+    "analysis/test_loops.py "
     "analysis/test_questions.py analysis/test_history.py",
     "analysis/energy/": "analysis/test_energy_cycles.py analysis/test_power.py cli/test_energy_command.py",
     "analysis/energy_accounts.py": "analysis/test_energy_accounts.py bench/test_energy_of_runs.py",
@@ -61,7 +62,8 @@ PHYSICS_TESTS = {
     "muscles/test_rest_length.py",
     "identification/creep_fit.py": "identification/test_creep_fit.py",
     "identification/hysteresis_fit.py": "identification/test_hysteresis_fit.py",
-    "identification/circuit_fit.py": "identification/test_circuit_fit.py identification/test_standstill.py",
+    "identification/circuit_fit.py": "test_numbers_of_answers.py identification/test_circuit_fit.py "
+    "identification/test_standstill.py",
     "identification/ranking.py": "identification/test_words_of_a_fit.py identification/test_ranking.py "
     "report/test_fit_report.py identification/test_priors.py",
     "muscles/build.py": "muscles/test_rest_length.py specimens/test_bad_specimens.py muscles/test_muscle.py",
@@ -72,9 +74,10 @@ PHYSICS_TESTS = {
     "specimens/test_valve_specimens.py",
     "components/element.py": "laws/test_modules.py laws/test_elements.py",
     "components/module.py": "laws/test_modules.py laws/test_nan_in_nan_out.py",
-    "components/paths.py": "assembly/test_machine_build.py laws/test_modules.py",
+    "components/paths.py": "engine/test_signals.py assembly/test_machine_build.py laws/test_modules.py",
     "components/programs.py": "engine/test_kept_programs.py engine/test_packed.py",
-    "components/system.py": "laws/test_modules.py laws/test_machines.py engine/test_soundness.py "
+    "components/system.py": "engine/test_signals.py laws/test_modules.py laws/test_machines.py "
+    "engine/test_soundness.py "
     "laws/test_convergence_order.py",
     "assembly/build.py": "assembly/test_machine_build.py assembly/test_tied_muscle.py",
     "assembly/check.py": "assembly/test_machine_build.py assembly/test_circuit_file.py muscles/test_check.py",
@@ -89,7 +92,8 @@ PHYSICS_TESTS = {
     "engine/native.py": "engine/test_lowered_machines.py engine/test_kept_programs.py engine/test_side_by_side.py",
     "engine/packed.py": "engine/test_packed.py",
     "engine/side_by_side.py": "engine/test_side_by_side.py",
-    "engine/signals.py": "simulation/test_batch.py simulation/test_simulation.py engine/test_side_by_side.py "
+    "engine/signals.py": "engine/test_signals.py simulation/test_batch.py simulation/test_simulation.py "
+    "engine/test_side_by_side.py "
     "engine/test_coupled.py",
     "simulation/air.py": "simulation/test_slips.py simulation/test_simulation.py",
     "simulation/batch.py": "simulation/test_batch.py",
@@ -104,16 +108,17 @@ PHYSICS_TESTS = {
     "analysis/characteristics.py": "analysis/test_characteristics.py literature/test_gordon_and_hill.py test_verbs.py",
     "analysis/energy_parts.py": "analysis/test_energy_accounts.py analysis/test_power.py",
     "analysis/lever.py": "analysis/test_lever.py",
-    "analysis/lever_answers.py": "analysis/test_lever.py",
+    "analysis/lever_answers.py": "test_numbers_of_answers.py analysis/test_lever.py",
     "analysis/questions.py": "analysis/test_questions.py",
-    "analysis/repeatability.py": "analysis/test_questions.py studies/test_characterisation.py "
+    "analysis/repeatability.py": "test_numbers_of_answers.py analysis/test_questions.py "
+    "studies/test_characterisation.py "
     "analysis/test_sampling.py",
     "analysis/segments.py": "analysis/test_segments.py",
     "analysis/shortening.py": "literature/test_gordon_and_hill.py analysis/test_questions.py analysis/test_power.py",
     "identification/between.py": "identification/test_between.py specimens/test_between_muscles.py",
     "identification/calibration.py": "identification/test_posterior.py identification/test_law_error.py "
     "specimens/test_between_muscles.py",
-    "identification/constraints.py": "identification/test_constraints.py",
+    "identification/constraints.py": "test_numbers_of_answers.py identification/test_constraints.py",
     "identification/discrepancy.py": "identification/test_law_error.py identification/test_record_discrepancy.py",
     "identification/next_points.py": "identification/test_next_points.py",
     "identification/path_record.py": "identification/test_tension_path_fit.py "
@@ -184,7 +189,7 @@ SOFTWARE_TESTS = {
     "bench/hardware/plant.py": "bench/test_faults.py bench/test_run.py",
     "bench/hardware/simulated.py": "bench/test_faults.py bench/test_rig.py bench/test_clock.py "
     "bench/test_sample_loop.py",
-    "bench/hardware/stand.py": "bench/test_motor.py bench/test_rig.py",
+    "bench/hardware/stand.py": "laws/test_power_of_loads.py bench/test_motor.py bench/test_rig.py",
     "bench/joint_run.py": "bench/test_joint.py",
     "bench/prepare.py": "bench/test_run.py bench/test_rig.py",
     "bench/protocol_run.py": "bench/test_run.py bench/test_session.py",

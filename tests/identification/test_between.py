@@ -77,6 +77,14 @@ def test_the_covariance_is_symmetric_and_positive(found: Fit) -> None:
         assert spread.min() > 0.0
 
 
+def test_a_muscle_of_the_kind_writes_its_readings_and_how_far_muscles_differ(found: Fit) -> None:
+    new = unread(found).conditioned([reading(1.0), reading(0.96)])
+    plain = new.to_dict()
+    assert plain["readings"] == [one._asdict() for one in (reading(1.0), reading(0.96))]
+    assert plain["between"] == {name: getattr(new.between, name) for name in plain["between"]}
+    assert {"whole_length", "gain", "noise"} <= set(plain["between"])
+
+
 def test_a_reading_without_noise_is_met_exactly(found: Fit) -> None:
     exact = Between(noise=0.0, branch=0.0)
     for readings in ([reading(1.0)], [reading(1.0), reading(0.96)]):
