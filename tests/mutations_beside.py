@@ -84,7 +84,7 @@ PHYSICS_TESTS = {
     "assembly/circuit_file.py": "assembly/test_circuit_file.py",
     "assembly/circuit_parts.py": "assembly/test_circuit_file.py",
     "assembly/machine.py": "assembly/test_machine_build.py laws/test_machines.py engine/test_side_by_side.py",
-    "assembly/machine_array.py": "laws/test_machines.py assembly/test_machine_build.py",
+    "assembly/machine_array.py": "engine/test_coupled.py laws/test_machines.py assembly/test_machine_build.py",
     "assembly/output_names.py": "assembly/test_machine_build.py",
     "assembly/pair_map.py": "laws/test_linearise.py bench/test_joint.py",
     "assembly/sentence.py": "assembly/test_circuit_file.py",

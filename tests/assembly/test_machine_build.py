@@ -178,7 +178,8 @@ def test_a_machine_at_a_moment_has_the_energies_and_powers_of_its_parts():
     inner = sum(float(machine.joined.inner_volume(n)) for n in machine.circuit.chambers)
     assert float(rest["gas"]) == pytest.approx(3e5 * (gas + inner) / 0.4, rel=1e-9)
     # at rest the braid and its cord pull alike; nothing moves but the load, which its damper and the outside act on
-    assert tension == pytest.approx(float(unit.tendon.force(0.13 - length)), rel=1e-6)
+    pull = float(machine.outputs(still, memory, inputs)["m.tension"])
+    assert pull == pytest.approx(float(unit.tendon.force(0.13 - length)), rel=1e-6) and tension > pull  # its loss
     rate = machine.rate(moving, memory, inputs)["load"]
     assert float(rate.position) == speed
     assert float(rate.velocity) == pytest.approx((15.0 + 7.0 - 300.0 * 0.005 - 4.0 * speed - tension) / 2.0, rel=1e-9)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -45,7 +46,14 @@ def test_a_late_signal_is_what_it_was_that_long_before_and_rests_before_it_begin
 def test_delays_add_up():
     once, twice = ramped(VALUES).delayed(3e-3).delayed(9e-3), ramped(VALUES).delayed(12e-3)
     assert at(once, 0.034) == pytest.approx(at(twice, 0.034), rel=ROUNDING)
-    assert at(held(VALUES).delayed(PERIOD * (1.0 + 1e-12)), 0.02)[0] == VALUES[1]  # what is only rounding is no delay
+
+
+@pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
+def test_a_delay_of_whole_samples_to_rounding_is_one_and_still_has_a_slope(rounding):
+    delay = PERIOD * (1.0 + rounding)  # such as 0.07 / 0.01, which is more than 7
+    assert [at(held(VALUES).delayed(delay), t)[0] for t in TIMES[1:5]] == VALUES[:4].tolist()
+    slope = jax.grad(lambda d: ramped(3.0 * TIMES).delayed(d).at(2, 0.0, PERIOD).value)(delay)
+    assert float(slope) == pytest.approx(-3.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("delay", [0.3, 1.6])  # samples
