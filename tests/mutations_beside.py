@@ -31,7 +31,8 @@ PHYSICS_TESTS = {
     "laws/test_circuit_balances.py assembly/test_circuit_file.py laws/test_order_of_circuits.py",
     "pneumatics/distributed/": "laws/test_tube_equations.py laws/test_refusals_of_physics.py "
     "laws/test_distributed_tube.py agreement/test_distributed_tube_against_fluids.py",
-    "assembly/muscle_unit.py": "assembly/test_tied_muscle.py assembly/test_clamp.py laws/test_machines.py",
+    "assembly/muscle_unit.py": "laws/test_power_of_muscles.py assembly/test_tied_muscle.py assembly/test_clamp.py "
+    "laws/test_machines.py",
     "assembly/accounts.py": "bench/test_energy_of_runs.py laws/test_exergy.py laws/test_machines.py "
     "bench/test_frame.py",
     "assembly/loads/": "laws/test_power_of_loads.py laws/test_link_chain.py laws/test_machines.py bench/test_joint.py",
