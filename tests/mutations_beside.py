@@ -209,7 +209,8 @@ SOFTWARE_TESTS = {
     "formats/crate.py": "recordings/test_crate.py",
     "formats/instruments.py": "recordings/test_files_of_laboratories.py recordings/test_files_of_others.py",
     "formats/labels.py": "recordings/test_differences.py recordings/test_files_of_laboratories.py",
-    "formats/registry.py": "recordings/test_formats.py test_registry.py recordings/test_convert.py",
+    "formats/registry.py": "recordings/test_formats.py test_registry.py recordings/test_convert.py "
+    "recordings/test_conditions.py",
     "recordings/calibration_file.py": "recordings/test_calibration_file.py",
     "recordings/tables.py": "recordings/test_one_file_per_pressure.py recordings/test_table_of_cases.py",
     "specimens/parts.py": "studies/test_parts.py assembly/test_circuit_file.py",
