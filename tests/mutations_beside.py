@@ -179,7 +179,7 @@ SOFTWARE_TESTS = {
     "experiments/test_dry_run.py",
     "analysis/description.py": "report/test_data_sheet.py test_verbs.py",
     "batch/": "batch/test_sweep.py batch/test_sweep_cautions.py batch/test_lanes.py "
-    "batch/test_variants.py batch/test_randomise.py batch/test_rest.py",
+    "batch/test_variants.py batch/test_randomise.py batch/test_rest.py batch/test_distribution.py",
     "bench/biological_run.py": "bench/test_biological_run.py",
     "bench/channels.py": "bench/test_run.py engine/test_kept_programs.py",
     "bench/circuit_run.py": "cli/test_circuit.py bench/test_run.py assembly/test_circuit_file.py",
