@@ -8,6 +8,7 @@ import gc
 import importlib.util
 import os
 import platform
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -28,6 +29,9 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 # The kernels of the packages, for the tests and all that they start, where a test takes no folder of its own.
 for name in ("MCKIBBEN_KERNELS", "LANEWISE_CACHE"):
     os.environ.setdefault(name, str(CACHE.with_name("kernels")))
+# What a script runs in the background ignores interrupts, and so would every program that a test starts and interrupts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 KEPT = 7 * 86400.0  # [s]; changed sources leave behind what nothing asks for again
 
 

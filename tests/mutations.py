@@ -192,10 +192,11 @@ class _Failures:
 
 
 class _Chosen(_Failures):
-    """A plugin that runs chosen tests in their order; with a file, others after them, and it writes there what each calls.
+    """A plugin that runs chosen tests in their order; with a file, others too, and it writes there what each calls.
 
-    Others that name the function come first. A line for each test that passed: its name, its time [s], and
-    `file:function` of all that is called by it. The import of its file counts, and `:Popen` says that it starts a process.
+    Others stand where the name of their file does; those that name the function come first. A line for each test that
+    passed: its name, its time [s], and `file:function` of all that is called by it. The import of its file counts, and
+    `:Popen` says that it starts a process.
     The interpreter's profiler counts calls, one in each thread: a function of ours at each call would take several times
     as long as the tests.
     """
@@ -223,7 +224,7 @@ class _Chosen(_Failures):
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         def turn(one: Any) -> tuple[int, bool]:
             named = re.search(rf"\b{re.escape(self.word)}\b", inspect.getsource(one.function))
-            return self.places.get(one.nodeid, len(self.places)), not named
+            return self.places.get(one.nodeid, self.places.get(one.nodeid.partition("::")[0], 0)), not named
 
         items[:] = sorted((one for one in items if self.file or one.nodeid in self.places), key=turn)
 
@@ -295,12 +296,13 @@ def judge(one: Mutation, tree: Path) -> str:
         rows = sorted(map(json.loads, known.read_text().splitlines() if known.exists() else ()), key=lambda row: row[1])
         reach = [row for row in rows if name in row[2]]
         starts = [row[0] for row in rows if ":Popen" in row[2]]
-        # the others of the file after these: what is traced is called in the first only that needs it
+        # what nobody knows of the file after these, and last what passed without it: what is traced is called in the first
+        # only that needs it
+        tests = [*(row[0] for row in reach), file, *(row[0] for row in rows if row not in reach)]
         if reach:
-            tests = [row[0] for row in [*reach, *(row for row in rows if row not in reach)]]
             turns.append((0, reach[0][1], place, tests, whole, part))
         elif known == part:
-            turns.append((1, 0.0, place, [file], whole, part))
+            turns.append((1, 0.0, place, tests, whole, part))
         elif starts:
             turns.append((2, 0.0, place, starts, whole, part))
     for _, _, _, tests, whole, part in sorted(turns):

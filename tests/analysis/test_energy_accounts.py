@@ -1,6 +1,8 @@
 """The estimate from measured channels against closed forms, what it must refuse, and the picture of an account."""
 
+import dataclasses
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -122,6 +124,37 @@ def test_an_accumulator_keeps_of_a_measured_cycle_what_leaves_above_its_pressure
     per_mass = float(AIR.gas_constant) * T0 * np.log((3e5 + ROOM) / ROOM)
     assert between.exergy == pytest.approx(between.air * per_mass, rel=1e-12)
     assert between.share == pytest.approx(between.exergy / account.value("supply"), rel=1e-12)
+
+
+def test_what_an_account_says_and_shows_are_its_own_numbers():
+    alone = energy_account(loops(), muscle=NYLON, supply=SUPPLY)
+    account = dataclasses.replace(alone, saving=alone.saved_by_accumulator(3e5))
+
+    def numbers(words):
+        return [float(n) for n in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", words)]
+
+    air, *others, saved = account.remarks()
+    assert alone.remarks() == [air, *others]
+    saving, printed = account.saving, 5e-3  # three digits
+    assert numbers(saved) == pytest.approx([300.0, saving.exergy, 100.0 * saving.share, 1e3 * saving.air], rel=printed)
+    shares = [100.0 * v for v in account.efficiencies().values()]
+    assert len(shares) == 3 and numbers(air) == pytest.approx([1e3 * account.air, *shares], rel=printed)
+    assert others[0] == f"Unknown, and not zero: {', '.join(account.unknown)}."
+    parts, cycles = account.tables()
+    supply = account.value("supply")
+    assert {row["name"]: row["share"] for row in parts.rows} == {
+        p.name: pytest.approx(p.value / supply, rel=1e-12) for p in account.parts if p.value
+    }
+    assert [row["remainder"] for row in cycles.rows] == [c.parts[-1].value for c in account.cycles]
+    for row, cycle in zip(cycles.rows, account.cycles, strict=True):
+        assert row["efficiency"] == cycle.efficiency == pytest.approx(cycle.shaft_work / cycle.supply, rel=1e-12)
+    written, bare = account.to_dict(), alone.to_dict()
+    assert written["saving"] == saving._asdict() and bare == {**written, "saving": None}
+    assert [c["parts"]["remainder.remainder"] for c in written["cycles"]] == [c.parts[-1].value for c in account.cycles]
+    with pytest.raises(InputError, match="gauge pressure above 0 Pa"):
+        account.saved_by_accumulator(0.0)
+    with pytest.raises(InputError, match="annot be known from this recording"):
+        account.value("dead_volume")
 
 
 def test_cycles_at_different_mean_pressures_are_not_summed_without_a_word():

@@ -31,6 +31,7 @@ def test_an_offset_is_the_residual_in_newtons_and_relative_to_the_measured_range
 
 def test_more_friction_is_more_on_the_rising_path_and_less_on_the_falling_one():
     found = loop_residuals(loop(wide=3.0), loop(wide=2.0))
+    assert len(found.at) == len(found.error) == len(found.rising) == 2 * np.count_nonzero(found.rising)
     inner = np.abs(found.at - 0.13) < 0.004
     assert (found.error[inner & found.rising] > 0.8).all()  # 1 N in the middle, less towards the turning points
     assert (found.error[inner & ~found.rising] < -0.8).all()

@@ -23,6 +23,7 @@ from mckibben.analysis.loops import (
     loop_ratio,
     loops,
     loops_by_held,
+    mean_loop,
     path_distance,
     paths,
     peak_velocity,
@@ -316,6 +317,17 @@ def test_loops_of_two_speeds_are_two_groups_and_their_mean_says_so():
     assert [group.words() for group, _ in groups] == ["0.5 Hz", "0.8 Hz", "1 Hz"] and cautions == ()
     with pytest.warns(PlausibilityWarning, match="different things were held .0.5 Hz; 0.8 Hz; 1 Hz."):
         loop(record, **SPAN)
+
+
+def test_the_closure_of_a_loop_is_what_its_tension_drifts_in_a_cycle():
+    time = clock(3.0)
+    steady = coulomb(time)
+    drifting = steady["muscle.tension"] + 0.5 * time  # [N]
+    found = loop(record(time, length=steady["muscle.length"], tension=drifting))
+    assert found.closure == pytest.approx(0.5, abs=2e-3)  # of cycles of 1 s, which begin at a sample
+    assert loop(steady).closure == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(InputError, match="one or more"):
+        mean_loop([])
 
 
 def test_a_drift_parts_no_loops_and_is_said():

@@ -309,6 +309,16 @@ def test_there_are_examples():
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_a_circuit_says_each_node_once_and_each_element_with_its_kind(path):
+    plan = read_circuit(path)
+    said = sentence(plan)
+    for name, node in plan.nodes.items():
+        assert not node.words or said.count(f"{name} ({node.words})") == 1
+    for name, element in plan.document["elements"].items():
+        assert said.count(f" -> {name} ({element['kind'].replace('_', ' ')}") == 1
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_examples_run_and_balance(path):
     rec = run_circuit(read_circuit(path).change({"run.duration": "0.5 s"}))
     assert rec.meta["result"] == "done"

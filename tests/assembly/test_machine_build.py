@@ -154,3 +154,45 @@ def test_every_parameter_of_a_machine_has_an_address_though_names_have_dots():
     longer = paths.put(machine, {"circuit.elements.m.tube.length": 2.0})
     assert float(longer.circuit.elements["m.tube"].length) == 2.0
     assert float(machine.circuit.elements["m.tube"].length) != 2.0
+
+
+def test_a_machine_at_a_moment_has_the_energies_and_powers_of_its_parts():
+    """Without a compilation: at a velocity of the load, with the valve shut and open, against the parts' own formulas."""
+    load = Body(
+        held=("m",), start=0.13, mass=2.0, weight=15.0, stiffness=300.0, spring_rest=0.125, damping=4.0, signal="push"
+    )
+    machine = single_muscle(unit_from_specimen("nylon", rubs=False, tendon=rig_cord()), load, supply=SUPPLY)
+    unit, speed = machine.units["m"], 0.3
+    inputs = {n: Value(jnp.asarray(v), jnp.zeros(())) for n, v in (("m.fill", 0.0), ("m.vent", 0.0), ("push", 7.0))}
+    still, memory = machine.initial(dict.fromkeys(machine.circuit.chambers, 3e5), inputs)
+    moving = still | {"load": still["load"]._replace(velocity=jnp.asarray(speed))}
+    shown = {k: float(v) for k, v in machine.outputs(moving, memory, inputs).items()}
+    tension, length = shown["m.tension"], shown["m.length"]
+    rest, fast = (machine.stored_energies(one, memory, inputs) for one in (still, moving))
+    kinetic = 0.5 * 2.0 * speed**2
+    assert float(fast["mechanics"] - rest["mechanics"]) == pytest.approx(kinetic, rel=1e-12)
+    cord, spring = float(unit.tendon.stored_energy(0.13 - length)), 0.5 * 300.0 * 0.005**2
+    assert float(rest["mechanics"]) == pytest.approx(cord + spring - 15.0 * 0.13, rel=1e-9)
+    assert float(fast["gas"]) == float(rest["gas"])
+    gas = sum(float(machine.joined.nodes[n].volume_state(3e5, length, 0.0).value) for n in machine.circuit.chambers)
+    inner = sum(float(machine.joined.inner_volume(n)) for n in machine.circuit.chambers)
+    assert float(rest["gas"]) == pytest.approx(3e5 * (gas + inner) / 0.4, rel=1e-9)
+    # at rest the braid and its cord pull alike; nothing moves but the load, which its damper and the outside act on
+    pull = float(machine.outputs(still, memory, inputs)["m.tension"])
+    assert pull == pytest.approx(float(unit.tendon.force(0.13 - length)), rel=1e-6) and tension > pull  # its loss
+    rate = machine.rate(moving, memory, inputs)["load"]
+    assert float(rate.position) == speed
+    assert float(rate.velocity) == pytest.approx((15.0 + 7.0 - 300.0 * 0.005 - 4.0 * speed - tension) / 2.0, rel=1e-9)
+    powers = machine.integrands(moving, memory, inputs)
+    assert float(powers["outside"]) == pytest.approx(7.0 * speed, rel=1e-12)
+    assert float(powers["outside_turnover"]) == abs(float(powers["outside"]))
+    assert float(powers["delivered"]) == pytest.approx(-tension * speed, rel=1e-9)
+    assert float(powers["m.slack"]) == 0.0 and machine.slackness(powers) == (powers["m.slack"],)
+    balances = machine.balances(powers)
+    assert set(balances) == {"gas", "mechanics"} and balances["mechanics"].turnover is powers["exchanged"]
+    assert float(machine.gauge(moving, "m")) == pytest.approx(3e5 - 101325.0, rel=1e-12)
+    # shut, the gas keeps its mass; filling it gains, and venting it loses
+    for name, sign in ((None, 0), ("m.fill", 1), ("m.vent", -1)):
+        now = inputs | ({name: Value(jnp.ones(()), jnp.zeros(()))} if name else {})
+        flow = sum(float(v) for v in machine.rate(still, memory, now)["circuit"]["mass"].values())
+        assert np.sign(flow) == sign

@@ -1,16 +1,18 @@
 """Blocks on several processes: every one is done and given back once, whatever becomes of the workers."""
 
+import contextlib
 import multiprocessing
 import os
 import signal
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from mckibben.batch import Variants
+from mckibben.batch import Variants, drive
 from mckibben.batch.drive import ATTEMPTS, VariantBlock, Workers
 from mckibben.batch.run import Results
 from mckibben.errors import ConvergenceError, InputError
@@ -98,3 +100,29 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
     with pytest.raises(InputError, match="tcp://127.0.0.1:9': no Dask scheduler answered"):
         with Workers("tcp://127.0.0.1:9").open():
             pass
+
+
+def test_a_team_is_of_the_way_that_was_chosen_and_of_so_many_workers(monkeypatch):
+    asked = []
+
+    @contextlib.contextmanager
+    def client(way, count):
+        asked.append((way, count))
+        yield SimpleNamespace(scheduler_info=lambda n_workers: {"workers": {"a": 1, "b": 2, "c": 3}})
+
+    monkeypatch.setattr(drive, "_client", client)
+    for way, count, kind, size in (
+        ("serial", 5, drive.SerialTeam, 1), ("processes", 3, drive.ProcessTeam, 3), ("processes", 0, drive.ProcessTeam, 7),
+        ("dask", 3, drive.DaskTeam, 3), ("tcp://a:1", 2, drive.DaskTeam, 3),
+    ):  # fmt: skip
+        monkeypatch.setattr(drive, "cores", lambda: 7)
+        with Workers(way, count).open() as team:
+            assert (type(team), team.size) == (kind, size)
+    assert asked == [("dask", 3), ("tcp://a:1", 2)]
+    for way, needs in (("serial", False), ("processes", False), ("dask", True), ("tcp://a:1", True)):
+        looked = []
+        monkeypatch.setattr(drive, "_dask_libraries", lambda looked=looked: looked.append(1))
+        Workers(way).check_libraries()
+        assert bool(looked) == needs
+    with pytest.raises(InputError, match="must be a whole number above 0"):
+        Workers("serial", -1)

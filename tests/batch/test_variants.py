@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -73,6 +74,49 @@ def test_unknown_paths_and_values_out_of_bounds_are_named(path, value, said):
     with pytest.raises(InputError, match=said) as error:
         made().setting(path, where="s.toml").read(value, where="s.toml")
     assert str(error.value).startswith("s.toml: ") and path in str(error.value)
+
+
+def leaves(table, path=""):
+    for key, value in table.items():
+        yield from leaves(value, f"{path}{key}.") if isinstance(value, dict) else [(f"{path}{key}", value)]
+
+
+def test_every_amount_of_a_rigs_file_is_a_setting_of_its_dimension_that_reads_what_stands_there():
+    amounts = 0
+    for path, value in leaves(made().first_rig.document):
+        one = made().setting(f"rig.{path}")
+        if re.fullmatch(r"-?[\d.e-]+ [^ ]+", str(value)) and not path.endswith(("title", "source", "note", "heat")):
+            amounts += 1
+            assert one.unit, f"{path} = {value}"
+        if one.unit:
+            assert one.read(value) == parse(str(value), one.unit, field=path)
+            assert one.quantity.bounds[0] <= one.read(value) <= one.quantity.bounds[1]
+            assert parse(one.words(one.read(value)), one.unit, field=path) == one.read(value)
+        if path != "hands":  # tables of what a person does there
+            words = ", ".join(map(str, value if isinstance(value, list) else [value]))
+            assert one.text(value) == words.replace("False", "false")
+    assert amounts > 60
+    assert made().setting("rig.sensors.pressure.low").unit == "Pa" != made().setting("rig.sensors.tension.low").unit
+    assert made().setting("sample_rate").unit == "1/s" and made().setting("muscle").unit == ""
+    for path, near in (("sensors.pressur.low", "rig.sensors.pressure.low"), ("sensors", "rig."), ("qqqq", "rig.")):
+        with pytest.raises(InputError, match=f"is not a path of the rig: no such parameter; near are {near}"):
+            made().setting(f"rig.{path}")
+
+
+def test_a_range_of_a_setting_keeps_its_bounds_and_has_ends():
+    one = made().setting("rig.frame.shortest")
+    one.check(*one.quantity.bounds)
+    for low, high in ((0.0, 1.0), (1e-3, 101.0), (1e-3, np.inf), (np.nan, 1.0)):
+        with pytest.raises(InputError, match="rig.frame.shortest"):
+            one.check(low, high)
+    for raw, said in (
+        ({}, "must be a number with its unit in words"),
+        ("", "must be a number"),
+        (None, "must be a number"),
+    ):
+        with pytest.raises(InputError, match=said):
+            one.text(raw)
+    assert made().setting("rig.name").text(True) == "true" and made().setting("rig.name").text(False) == "false"
 
 
 def test_draws_have_the_mean_and_covariance_of_their_posterior_and_keep_its_bounds():

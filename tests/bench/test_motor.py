@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mckibben.bench.hardware import Encoder, Motor
+from mckibben.bench.hardware.stand import TestStand
 from mckibben.errors import InputError
 
 H = 50e-6  # the physics' step [s]
@@ -228,3 +229,20 @@ def test_motors_that_cannot_be_are_refused():
         (name,) = changes
         with pytest.raises(InputError, match=f"{name} must be"):
             Motor(**changes)
+
+
+def test_a_stand_has_a_signal_if_it_has_a_motor_and_stands_where_it_begins_without_one():
+    fixed, driven = TestStand(held=("m",), start=0.13), TestStand(held=(), motor=Motor(), start=0.14, signal="pull")
+    assert (fixed.signals(), driven.signals()) == ((), ("pull",)) and (fixed.muscles(), driven.muscles()) == (
+        ("m",),
+        (),
+    )
+    assert [float(one.position(one.initial())) for one in (fixed, driven)] == [0.13, 0.14]
+    state = fixed.initial()._replace(deflection=jnp.asarray(1e-3), deflection_velocity=jnp.asarray(2e-3))
+    assert [float(x) for x in fixed.spans(state, {})["m"]] == pytest.approx([0.129, -2e-3], rel=1e-12)
+    moved = driven.replace(held=("m",)).initial()._replace(velocity=jnp.asarray(0.5))
+    assert [float(x) for x in driven.replace(held=("m",)).spans(moved, {})["m"]] == [0.14, 0.5]
+    assert float(fixed.asked_current({})) == 0.0
+    for changes, said in (({"held": ("a", "b")}, "must be one muscle or none"), ({"signal": None}, "needs the name")):
+        with pytest.raises(InputError, match=said):
+            driven.replace(**changes)

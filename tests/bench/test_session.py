@@ -358,6 +358,8 @@ def test_a_session_for_runs_only_refuses_to_be_operated_and_says_how_it_would_no
         assert session.latest() == {} and session.status().state == "idle" and not session.busy
         assert session.since(0.0)[1] == {} and session.messages() == []
         session.emergency_stop("before a run")
+        assert session.why == "emergency stop at 0 s: before a run; stopped and vented"
+        assert [one.text for one in session.messages()] == [session.why]
         with pytest.raises(InputError, match="before a run.*reset it first"):
             session.run(bench(short()), new_machine=True)
         session.reset()

@@ -1,6 +1,7 @@
 """A session in a separate process: it answers, records and refuses as one in the process of its user."""
 
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ from short_runs import paper
 
 from mckibben.bench.console import Console
 from mckibben.bench.session import Session
+from mckibben.bench.session.interface import CLOSED, LOST
 from mckibben.bench.session.proxy import SessionProxy
+from mckibben.bench.software.interlocks import EmergencyStop
 from mckibben.errors import EngineError, InputError
 
 SCRIPT = """\
@@ -69,3 +72,29 @@ def test_a_machine_that_no_backend_opens_is_refused_by_its_name():
 def test_an_error_goes_whole_from_one_process_to_another(error):
     found = pickle.loads(pickle.dumps(error))
     assert type(found) is type(error) and str(found) == str(error) and vars(found) == vars(error)
+
+
+@pytest.mark.parametrize(
+    ("ready", "lost", "pressed", "why"),
+    [
+        (False, "", False, ""),
+        (False, "", True, "emergency stop: Esc"),
+        (False, "it ended", True, "it ended"),
+        (True, "", False, "asked why"),
+        (True, "", True, "asked why"),
+        (True, "it ended", False, "it ended"),
+    ],
+)
+def test_a_stop_has_the_reason_of_the_button_until_the_machine_is_there_to_say_its_own(ready, lost, pressed, why):
+    button = EmergencyStop()
+    if pressed:
+        button.press("Esc")
+    proxy = SimpleNamespace(
+        ready=ready, _lost=lost, _closed=False, button=button, ask=lambda what, otherwise: f"asked {what}"
+    )
+    assert SessionProxy.why.fget(proxy) == why
+    assert SessionProxy.gone.fget(proxy) == (LOST if lost else "asked gone")
+    proxy._closed = True
+    assert SessionProxy.gone.fget(proxy) == (CLOSED if lost else "asked gone")
+    proxy.ask = lambda what, otherwise: otherwise
+    assert SessionProxy.gone.fget(proxy) == (CLOSED if lost or ready else "")

@@ -7,7 +7,7 @@ from mckibben.assembly import machine as machine_module
 from mckibben.assembly.build import AirLine, rig_cord, several, unit_from_specimen
 from mckibben.assembly.loads import Body, ChainLink, JointLoad, LinkChain, MomentArm, PlateLoad
 from mckibben.engine import held
-from mckibben.engine.coupled import CoupledRun
+from mckibben.engine.coupled import CellGroup, CoupledRun
 from mckibben.engine.integration import compile_march
 from mckibben.engine.native import EngineFunction
 from mckibben.engine.signals import Value
@@ -171,3 +171,35 @@ def test_few_muscles_and_muscles_joined_by_a_tube_are_one_step():
         elements={**circuit.elements, "bridge": tube}, ends={**circuit.ends, "bridge": (("m0", "m1"), None)}
     )
     assert machine.replace(circuit=bridged).coupling() is None
+
+
+def test_each_muscle_has_the_parts_of_its_line_once_and_the_core_what_all_share():
+    """By names alone, without a compilation: cells and core are all of the machine, and no two have the same part."""
+    machine, (state, memory), signals = rig("chain", **TANK)
+    coupling = machine.coupling()
+    cells, core = coupling.cells(machine, state, memory, signals), coupling.core(machine, state, memory, signals)
+    assert len(cells) == MUSCLES
+    elements = [set(cell.outputs.values()) & set(machine.circuit.elements) for cell in cells]
+    chambers = [set(cell.outputs.values()) & set(machine.circuit.chambers) for cell in cells]
+    shared = core.system.circuit
+    for parts, left, whole in (
+        (elements, set(shared.elements), set(machine.circuit.elements)),
+        (chambers, set(shared.chambers), set(machine.circuit.chambers)),
+    ):
+        assert sum(map(len, parts)) + len(left) == len(whole) and set().union(*parts, left) == whole
+    assert set(shared.elements) == {"feed"} and set(shared.chambers) == {"tank"}
+    for name, cell, mine in zip(NAMES, cells, elements, strict=True):
+        assert all(element.startswith(f"{name}.") for element in mine) and len(mine) == len(elements[0])
+        ends = {new: cell.system.circuit.ends[new] for new in cell.system.circuit.elements}
+        assert len(ends) == len(mine)
+        part_state, part_memory = cell.state, cell.memory
+        for new, old in cell.outputs.items():
+            for kind, values in part_state["circuit"].items():
+                assert (new in values) == (old in state["circuit"][kind])
+                assert new not in values or values[new] is state["circuit"][kind][old]
+        assert len(part_memory["muscles"]) == len(part_state["muscles"]) == 1
+        assert [*cell.system.units.values()][0] is machine.units[name]
+
+
+def test_a_cell_counts_once_and_one_that_fills_up_not_at_all():
+    assert CellGroup(None, np.zeros((3, 8), int), [{}] * 5).weights.tolist() == [1.0] * 5 + [0.0] * 3

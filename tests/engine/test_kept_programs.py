@@ -78,6 +78,23 @@ def test_parameters_are_arguments_and_not_part_of_a_program(lowered):
     assert len(lowered) == 1
 
 
+class Remainder(Module):
+    """A module with a formula that no kernel can do."""
+
+    factor: Scalar
+
+    @programs.evaluated
+    def left(self, x):
+        return self.factor * jnp.fmod(x, 0.3)
+
+
+def test_a_formula_that_no_kernel_can_do_is_tried_once_and_evaluated_as_it_is_written(lowered):
+    for x in (1.0, np.array([0.5, 1.0])):
+        for _ in range(2):
+            np.testing.assert_allclose(Remainder(factor=2.0).left(x), 2.0 * np.fmod(x, 0.3), rtol=1e-12)
+    assert len(lowered) == 1
+
+
 def test_off_keeps_nothing(folder, monkeypatch):
     monkeypatch.setenv("MCKIBBEN_KERNELS", "off")
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder))

@@ -139,6 +139,19 @@ def test_five_lines_are_a_protocol(tmp_path):
     assert float(loop.motor.max()) == pytest.approx(0.875 * L0)
 
 
+def test_the_samples_of_all_steps_together_are_bounded(monkeypatch):
+    p = made(FIVE_LINES)
+    plan = p.expand(rest_length=L0)
+    assert plan.samples == sum(step.count for step in plan.steps) > max(step.count for step in plan.steps)
+    monkeypatch.setattr(sys.modules["mckibben.experiments.protocol"], "LONGEST", plan.samples)
+    assert p.expand(rest_length=L0).samples == plan.samples
+    monkeypatch.setattr(sys.modules["mckibben.experiments.protocol"], "LONGEST", plan.samples - 1)
+    with pytest.raises(InputError, match=f"samples must be at most {plan.samples - 1} in all.*got {plan.samples}"):
+        p.expand(rest_length=L0)
+    with pytest.raises(InputError, match="rest_length must be a length above zero"):
+        p.expand(rest_length=0.0)
+
+
 @pytest.mark.parametrize("name", sorted(CLASSICS))
 def test_every_shipped_protocol_can_be_written_in_five_lines(name):
     p = protocol(name)

@@ -64,6 +64,7 @@ def test_a_muscle_from_elsewhere_is_less_sure_than_one_of_the_rig(found: Fit) ->
     taut = near.tension > 0.0
     assert (far.high > near.high)[taut].all()
     assert Between().scaled(3.0).elsewhere().whole_length == ELSEWHERE.whole_length  # another rig is not this one
+    assert replace(Between(), gain=0.3).elsewhere().gain == 0.3  # which is no surer there than here
 
 
 def test_the_covariance_is_symmetric_and_positive(found: Fit) -> None:
@@ -74,6 +75,14 @@ def test_the_covariance_is_symmetric_and_positive(found: Fit) -> None:
         assert np.linalg.eigvalsh(covariance).min() > -1e-10 * size  # rounding of sixteen rows
         spread = np.linalg.eigvalsh(new.spread / np.sqrt(np.outer(np.diag(new.spread), np.diag(new.spread))))
         assert spread.min() > 0.0
+
+
+def test_a_muscle_of_the_kind_writes_its_readings_and_how_far_muscles_differ(found: Fit) -> None:
+    new = unread(found).conditioned([reading(1.0), reading(0.96)])
+    plain = new.to_dict()
+    assert plain["readings"] == [one._asdict() for one in (reading(1.0), reading(0.96))]
+    assert plain["between"] == {name: getattr(new.between, name) for name in plain["between"]}
+    assert {"whole_length", "gain", "noise"} <= set(plain["between"])
 
 
 def test_a_reading_without_noise_is_met_exactly(found: Fit) -> None:

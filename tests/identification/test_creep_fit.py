@@ -1,5 +1,7 @@
 """Creep elements from the stroke after a step: known ones are found again, the second half predicted, nonsense refused."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,12 @@ def test_known_elements_are_found_again_within_their_intervals(sign: float) -> N
         assert estimate.high - estimate.low < 0.1 * truth
     chain = found.chain(100.0)
     np.testing.assert_allclose(chain.compliance, [abs(a.value) / 100.0 for a in found.amplitudes])
+    # what yields by less than a chain takes is left out, and of a creep without any other step there is no chain
+    least = found.amplitudes[1]._replace(value=sign * 0.5e-10)
+    fewer = dataclasses.replace(found, amplitudes=(found.amplitudes[0], least, *found.amplitudes[2:])).chain(100.0)
+    np.testing.assert_allclose(fewer.time_constant, np.delete(found.time_constants, 1))
+    with pytest.raises(InputError, match="creep must be in a record that creeps"):
+        dataclasses.replace(found, amplitudes=(least,) * len(found.amplitudes)).chain(100.0)
 
 
 def test_the_second_half_is_predicted_from_the_first() -> None:

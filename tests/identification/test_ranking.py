@@ -1,5 +1,6 @@
 """The order of fits: a parameter that describes nothing does not make a law better than the simpler law that it becomes."""
 
+import json
 from dataclasses import replace
 
 import jax
@@ -96,6 +97,27 @@ def test_the_law_that_predicts_what_was_left_out_comes_before_the_one_that_only_
     assert [f.law for f in rank([bent, plain])] == ["ideal", "thick_wall"]
     assert plain.left_out_rmse == pytest.approx(np.sqrt((13.0**2 + 14.0**2) / 2), rel=1e-12)
     assert plain.left_out_max_error == 14.0 == plain.to_dict()["left_out_max_error"]
+
+
+def test_a_fit_writes_each_number_that_it_holds_and_null_where_there_is_none(fits) -> None:
+    for one in (*fits, missing(fits[1], 30.0), replace(fits[0], cross={})):
+        plain = json.loads(json.dumps(one.to_dict()))
+        for name in (
+            "law", "rmse", "max_error", "cv_rmse", "cv_max_error", "left_out_rmse", "left_out_max_error", "aicc",
+            "converged", "determined", "misses", "effective",
+        ):  # fmt: skip
+            assert plain[name] == getattr(one, name), name
+        assert plain["n"] == len(one.points) and plain["unchecked"] == (one.unchecked or None)
+        assert plain["parameters"] == {name: e._asdict() for name, e in one.parameters.items()}
+        assert plain["known"] == {name: float(value) for name, value in one.known.items()}
+        assert {name: c["rmse"] for name, c in plain["cross_validation"].items()} == {
+            name: c.rmse for name, c in one.cross.items()
+        }
+        assert (plain["holdout"], plain["hysteresis"]) == (None, None)
+        assert (plain["warnings"], plain["at_bound"]) == (list(one.warnings), list(one.at_bound))
+    lengths = fits[0].points.length  # a number for each point is told where it is one, and only there
+    each = replace(fits[0], known={"same": np.full(3, 2.0), "other": lengths})
+    assert each.to_dict()["known"] == {"same": 2.0, "other": None}
 
 
 def test_a_law_of_unknown_parameters_or_without_a_check_comes_behind_those_that_were_checked(fits) -> None:

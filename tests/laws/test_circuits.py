@@ -12,7 +12,7 @@ from mckibben.muscles import law_from_specimen
 from mckibben.pneumatics import AIR
 from mckibben.pneumatics.circuit import Branch, Circuit, balance
 from mckibben.pneumatics.orifice import Orifice, steepest_slope
-from mckibben.pneumatics.tubes import TUBES, LumpedTube, QuadraticTube, friction_factor, inertance
+from mckibben.pneumatics.tubes import TUBES, LumpedTube, QuadraticTube, friction_factor, haaland, inertance, turbulence
 from mckibben.pneumatics.volume import (
     FixedVolume,
     Inflow,
@@ -59,6 +59,19 @@ def test_orifice_from_a_catalogue_flow_gives_that_flow():
     orifice = Orifice.from_flow(600e-3 / 60, pressure=6.9e5)
     flow = orifice.mass_flow(GasState(6.9e5 + 101325.0, T0), GasState(101325.0, T0))
     assert float(flow) / 1.185 * 60e3 == pytest.approx(600.0, rel=1e-9)
+
+
+def test_friction_is_laminar_below_2300_turbulent_from_4000_and_smooth_between():
+    """Poiseuille's 64/Re, Haaland's formula, and half of each in the middle; a slope of zero at either end of the way."""
+    shares = [float(turbulence(re)) for re in (1.0, 2300.0, 2725.0, 3150.0, 3575.0, 4000.0, 1e6)]
+    assert shares == pytest.approx([0.0, 0.0, 0.15625, 0.5, 0.84375, 1.0, 1.0], abs=1e-15)  # 3 x^2 - 2 x^3
+    assert float(jax.grad(turbulence)(2301.0)) < 1e-5 > float(jax.grad(turbulence)(3999.0))
+    for rough in (0.0, 1e-2):
+        formula = (-1.8 * np.log10((rough / 3.7) ** 1.11 + 6.9 / np.array([2300.0, 3150.0, 1e5]))) ** -2
+        assert np.asarray(haaland(np.array([10.0, 3150.0, 1e5]), rough)) == pytest.approx(formula, rel=1e-12)
+        found = [float(friction_factor(re, rough)) for re in (100.0, 2300.0, 3150.0, 1e5)]
+        middle = 0.5 * (64.0 / 3150.0 + formula[1])
+        assert found == pytest.approx([0.64, 64.0 / 2300.0, middle, formula[2]], rel=1e-12)
 
 
 def test_inertance_of_the_papers_tube():

@@ -524,6 +524,13 @@ def test_a_muscle_levers_samples_do_not_depend_on_how_they_are_written(tmp_path,
     assert [line.split()[1] for line in record.meta["source"]["protocol"]] == ["Stimulus-Twitch", "Stop"]
 
 
+@pytest.mark.parametrize("rate", ["0.5", "1", "1e6"])
+def test_a_muscle_lever_may_sample_as_slowly_and_as_fast_as_it_likes(tmp_path, rate):
+    (tmp_path / "slow.ddf").write_text(re.sub(r"(Sample Frequency \(Hz\): *)\S+", rf"\g<1>{rate}", PLAIN))
+    time = mk.read(tmp_path / "slow.ddf", gear_ratio=2).time
+    assert np.diff(time) == pytest.approx(1.0 / float(rate), rel=1e-9)
+
+
 def test_a_muscle_levers_file_without_a_protocol_is_read_and_says_so(tmp_path):
     (tmp_path / "twitch.ddf").write_text(re.sub(r"Protocol Array:.*?(?=Test Data)", "", PLAIN, flags=re.S))
     reading = understand(tmp_path / "twitch.ddf")

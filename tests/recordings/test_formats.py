@@ -1,13 +1,16 @@
 """Formats of other packages are found by their entry points."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
 
 from mckibben import registry
-from mckibben.errors import InputError
+from mckibben.errors import InputError, MissingLibraryError
 from mckibben.formats import sidecar
+from mckibben.formats.registry import parts_as_format
+from mckibben.formats.store import NetCDF, Variable, _foreign_netcdf
 from mckibben.formats.table import Channel, FileFormat, ForeignColumn, ForeignTable, StoredRecording
 from mckibben.recordings import read_any, read_force_map, write
 
@@ -109,3 +112,36 @@ def test_a_place_in_a_file_is_named_by_its_row_or_counted_from_one():
 def test_what_a_file_holds_of_a_recording_is_checked_as_a_recording_is(time, channels, said):
     with pytest.raises(InputError, match=said):
         StoredRecording(np.array(time), channels, {})
+
+
+def test_a_format_whose_library_is_missing_is_refused_before_it_is_written(monkeypatch):
+    needs = FileFormat(title="Tables of somebody", read=read_any, requires="pandas")
+    needs.check_libraries("a.tab")
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(MissingLibraryError, match=r"a.tab: Tables of somebody need polars, which is not installed"):
+        FileFormat(title="Tables of somebody", read=read_any, requires="polars").check_libraries("a.tab")
+    FileFormat(title="Tables of somebody", read=read_any).check_libraries("a.tab")
+
+
+def test_a_file_whose_format_lists_no_parts_has_none(tmp_path):
+    assert parts_as_format(tmp_path / "a.parquet") == [] == parts_as_format(tmp_path / "a.tdms")
+    with pytest.raises(InputError):
+        parts_as_format(tmp_path / "a.nothing")
+
+
+def test_of_a_netcdf_file_of_others_rows_of_numbers_are_read_and_all_else_is_named():
+    rows = {
+        "time": Variable(("time",), np.arange(3.0), {"units": "seconds since 2020-01-01"}),
+        "force": Variable(("time",), np.ones(3), {"units": "N"}),
+        "picture": Variable(("time", "x"), np.ones((3, 2)), {}),
+        "word": Variable(("time",), np.array(["a", "b", "c"], object), {}),
+        "number": Variable((), np.array(1.0), {}),
+    }
+    table = _foreign_netcdf(NetCDF(rows, {"title": "a", "shape": (1, 2)}))
+    assert [(one.label, one.unit, one.clock) for one in table.columns] == [
+        ("time", "s", "time"),
+        ("force", "N", "time"),
+    ]
+    said = "{} is left out: it is no row of numbers over one dimension"
+    assert list(table.remarks) == [said.format(name) for name in ("picture", "word", "number")]
+    assert table.notes == {"attributes": {"title": "a"}}

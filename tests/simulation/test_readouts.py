@@ -60,6 +60,9 @@ def test_a_saved_state_goes_on_with_what_the_readouts_remember():
     [
         ({"positon": Readout()}, "Did you mean 'position'"),
         ({"position": Readout(median=2)}, "odd number of samples"),
+        ({"position": Readout(median=-3)}, "odd number of samples, 1 for none, got -3"),
+        ({"position": Readout(median=True)}, "odd number of samples"),
+        ({"position": Readout(delay="-5 ms")}, "whole number of periods"),
         ({"position": Readout(delay="7 ms")}, "whole number of periods"),
         ({"position": Readout(rounding=-1.0)}, "must be 0 or more"),
         ({"position": 3}, "must be a Readout"),

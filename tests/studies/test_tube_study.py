@@ -95,6 +95,18 @@ def test_records_are_what_they_were():
 MIDDLE = (328917.3775, 186477.2026, 201325.0, 401325.0)  # [Pa]
 
 
+def test_a_trial_is_its_record_on_its_accumulator_from_the_first_sample_on():
+    """Of the step model of one sample: what goes in, what is compared, and the vessel are those of the case."""
+    record = records()[-1]
+    supply, vessel = record.pressure_abs(), np.linspace(1.1e5, 2.1e5, 3001)
+    for accumulator, volume in ACCUMULATORS.items():
+        trial = Case(record, accumulator, supply, vessel).trial(models()["linear"].element, models()["linear"].heat)
+        assert trial.name == f"{record.name}, {accumulator}" and trial.period == PERIOD
+        assert trial.initial == {"vessel": 1.1e5}
+        assert trial.circuit.nodes["vessel"].volume == volume
+        assert list(trial.measured) == ["vessel.pressure_abs"] and trial.measured["vessel.pressure_abs"] is vessel
+
+
 @pytest.mark.slow
 def test_the_reference_is_resolved(monkeypatch):
     supply = records((1,))[0].pressure_abs()

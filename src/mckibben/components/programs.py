@@ -42,8 +42,9 @@ import os
 import sys
 import types
 from collections.abc import Callable, Container, Iterable, Sequence
+from importlib.machinery import ModuleSpec
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -105,9 +106,8 @@ def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
     without = {name for layer in UPPER[:top] for name in layer}
     for text in (sys.version, np.__version__):
         digest.update(text.encode() + b"\n")
-    spec = importlib.util.find_spec("jax")  # the file that states its version: JAX itself is not loaded for it
-    if spec is not None and spec.submodule_search_locations:
-        digest.update(Path(spec.submodule_search_locations[0], "version.py").read_bytes())
+    place = str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)
+    digest.update(Path(place).with_name("version.py").read_bytes())  # JAX itself is not loaded for it
     others = [str(Path(str(sys.modules[name].__file__)).parent) for name in ("lanewise", *joined)]
     for folder, left_out in ((str(Path(__file__).parents[1]), without), *((folder, set()) for folder in others)):
         for path in sources(folder, left_out):

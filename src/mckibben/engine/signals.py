@@ -9,6 +9,8 @@ from ..components import Module, Scalar, field
 from ..components.system import Value as Value
 from ..quantities import as_array
 
+ROUNDING = 1e-9  # of a delay over the period, such as 0.07 s of 0.01 s: a jump at a sample is at that sample
+
 
 class Signal(Module):
     """A sampled signal, shape (samples + 1,) or (samples + 1, ...); the last value ends the last interval.
@@ -27,7 +29,7 @@ class Signal(Module):
             return self._between(index, share, period, True)
         whole, rest = self._late(period)
         share = share - rest
-        before = share < 0.0
+        before = share < -ROUNDING
         index = index - whole - jnp.where(before, 1, 0)
         return self._between(jnp.maximum(index, 0), jnp.where(before, share + 1.0, share), period, index >= 0)
 
@@ -46,10 +48,10 @@ class Signal(Module):
         return Value(mean, jnp.zeros_like(mean))
 
     def _late(self, period: Scalar) -> tuple[Tree, Tree]:
-        """The delay as whole samples and the share that remains; what is nothing but rounding is nothing."""
+        """The delay as whole samples and the share that remains, which may be less than zero by rounding."""
         late = jnp.asarray(self.delay) / period
-        whole = jnp.floor(late + 1e-9)
-        return whole.astype(int), jnp.maximum(late - whole, 0.0)
+        whole = jnp.floor(late + ROUNDING)
+        return whole.astype(int), late - whole
 
     def _between(self, index: Tree, share: Scalar, period: Scalar, started: Any) -> Value:
         begin, end = self.values[index], self.values[index + 1]

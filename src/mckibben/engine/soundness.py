@@ -70,7 +70,7 @@ def meaning_of(code: float, parts: Sequence[str] = ()) -> str:
     """What the code of a sample means, with the names of the `overloaded_parts` where it is those."""
     meaning, named = MEANINGS[Soundness(int(code))], " and ".join(parts)
     one = "the muscle" if named == "muscle" else f"the muscle {named}"  # one that is alone is called so
-    return meaning.replace("a muscle", one, 1) if code == Soundness.BROKEN and named else meaning
+    return meaning.replace("a muscle", one) if code == Soundness.BROKEN and named else meaning
 
 
 def unsound_sentence(code: float, imbalance: float, step: float, parts: Sequence[str] = ()) -> str:

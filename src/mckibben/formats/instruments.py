@@ -132,7 +132,7 @@ def _tektronix_lines(rows: Rows) -> PlainRows | None:
     if head is None or "Vertical Units" not in about:
         return None
     number, names = rows[head]
-    units = [_cell(about["Vertical Units"], at) for at in range(len(names) - 1)]
+    units = [cell.strip() for cell in about["Vertical Units"]]
     said = [_cell(about.get("Label", []), at) for at in range(len(names) - 1)]
     labels = [label or name.strip() for label, name in zip(said, names[1:], strict=True)]
     time = f"time [{_cell(about.get('Horizontal Units', []), 0) or 's'}]"

@@ -60,13 +60,14 @@ class ReadoutLines:
             count = in_si(readout.rounding, fields[name], f"rounding of {name}")
             if count < 0.0:
                 raise InputError(f"rounding of {name}", readout.rounding, "must be 0 or more")
-            if isinstance(readout.median, bool) or not isinstance(readout.median, int) or readout.median % 2 != 1:
-                raise InputError(f"median of {name}", readout.median, "must be an odd number of samples, 1 for none")
+            median = readout.median
+            if isinstance(median, bool) or not isinstance(median, int) or median < 1 or median % 2 != 1:
+                raise InputError(f"median of {name}", median, "must be an odd number of samples, 1 for none")
             late = in_si(readout.delay, "s", f"delay of {name}") / period
             if late < 0.0 or abs(late - round(late)) > 1e-6:
                 problem = f"must be a whole number of periods of {period:g} s, 0 or more"
                 raise InputError(f"delay of {name}", readout.delay, problem)
-            self._entries.append((list(fields).index(name), count, max(readout.median, 1), round(late)))
+            self._entries.append((list(fields).index(name), count, median, round(late)))
         self.lines: list[list[Any]] = []
 
     def __bool__(self) -> bool:
