@@ -16,7 +16,7 @@ from ..components import paths
 from ..documents import JsonValue
 from ..engine import STEP, Run
 from ..engine.rates import RK4_LIMIT
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, each_once
 from ..estimation import (
     AT_BOUND,
     Descent,
@@ -352,11 +352,8 @@ def run_trial(trial: Trial, changes: Mapping[str, float], *, step: float = STEP)
 def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
     """Refuse trials that share no parameters, and two of one name: a record that counts twice makes intervals too narrow."""
     wanted = expand(free, trials[0])
-    names: set[str] = set()
+    each_once("records", [trial.name for trial in trials])
     for trial in trials:
-        if trial.name in names:
-            raise InputError("records", trial.name, "must be each record once; it is there twice")
-        names.add(trial.name)
         trial.check()
         paths = expand(free, trial)
         if paths != wanted:

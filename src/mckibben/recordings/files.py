@@ -23,14 +23,13 @@ Further formats come from other packages: see `mckibben.formats.registry`. What 
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..documents import JsonValue, write_whole
+from ..documents import JsonValue, no_file, path_text, write_whole
 from ..errors import InputError
 from ..formats import mcap
 from ..formats.clock import is_date
@@ -190,9 +189,7 @@ def understand(
     **options: JsonValue,
 ) -> FileReading:
     """Read a file as `read` does, and report columns, units, and what was left out and why."""
-    if not isinstance(path, str | os.PathLike):
-        raise InputError("file", None, f"must be the path of a file, got {path!r}")
-    path = Path(path)
+    path = Path(path_text(path))
     if kind not in (None, "map", "recording"):
         raise InputError("kind", kind, known=("map", "recording"))
     for name, mapping in (("columns", columns), ("units", units), ("scales", scales)):
@@ -340,7 +337,9 @@ def read_recording(path: str | Path | Recording) -> Recording:
     """
     if isinstance(path, Recording):
         return path
-    path = Path(path)
+    path = Path(path_text(path, "recording"))
+    if not path.is_file():
+        raise no_file(path)
     if path.suffix.lower() not in RECORDINGS:
         raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
     # A log that is damaged where it says that it is one still has its samples.

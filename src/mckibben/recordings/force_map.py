@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..documents import JsonValue, write_text
+from ..documents import JsonValue, path_text, write_text
 from ..errors import InputError
 from ..extras import library
 from ..formats.columns import AMBIENT, column_numbers, table_labels, without_blank_rows, without_common_prefix
@@ -255,7 +255,7 @@ def read_force_map(
     """
     of_map: dict[str, Any] = {"columns": columns, "units": units, "rest_length": rest_length, "branch": branch}
     of_map |= {"pressure_zero": pressure_zero, "ambient": ambient}
-    return map_and_table(Path(path), of_map, pressure, length_zero, options)[0]
+    return map_and_table(Path(path_text(path)), of_map, pressure, length_zero, options)[0]
 
 
 def map_and_table(
@@ -739,7 +739,7 @@ def preview_table(path: str | Path, rows: int = 60, **options: JsonValue) -> Tab
     Raises:
         InputError: there is no such file, or it is no table at all.
     """
-    table = table_of(Path(path), **options)
+    table = table_of(Path(path_text(path)), **options)
     header = _checked_header(table, str(path))
     meant = {quantity: match[0] for quantity, match in recognise_columns(header).items() if len(match) == 1}
     if "length" in meant:
