@@ -26,6 +26,7 @@ from ..estimation import (
     Search,
     bounds_of,
     conclude,
+    misfit,
     widening,
 )
 from ..quantities import Quantity, whole_number
@@ -294,7 +295,11 @@ def fit_circuit(
     for trial in (*trials, *predict):
         outputs = run_trial(trial, changes, step=step).outputs
         predicted[trial.name] = {c: np.asarray(outputs[c]) for c in trial.channels}
-        errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
+        fitted = any(trial is t for t in trials)
+        errors += _errors(trial, predicted[trial.name], fitted=fitted)
+        for c, p in predicted[trial.name].items() if fitted else ():
+            subject = f"{c.removesuffix('_abs')} of {Path(trial.name).name}"
+            warnings += misfit(subject, trial.measured[c], p - trial.measured[c])
     return CircuitFit(
         parameters=known.parameters,
         paths=problem.paths,
