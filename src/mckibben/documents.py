@@ -82,7 +82,7 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file", form: str = 
             raise no_file(where)
         if len(data) > LONGEST:
             raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long; it is longer")
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")  # some editors begin a file with the mark of its encoding
     except IsADirectoryError:
         raise InputError(field, where, f"must be a {form} file; it is a folder") from None
     except FileNotFoundError:

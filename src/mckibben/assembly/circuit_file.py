@@ -50,7 +50,7 @@ from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
-from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
+from ..muscles.plausible import parameter_cautions, pressure_caution, room_caution, span_cautions
 from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import Reservoir
@@ -80,11 +80,13 @@ class EnvironmentTable:
     pressure: float | None = schema.like(Environment, "pressure_abs", default=None)
     temperature: float | None = schema.like(Environment, "temperature", default=None)
 
+    def __post_init__(self) -> None:
+        if None not in (self.pressure, self.pressure_abs):
+            raise InputError("environment.pressure", None, "is what pressure_abs is; state one of them")
+
     def surroundings(self) -> Environment:
         """The surroundings, as usual where nothing is stated."""
         stated = {name: value for name, value in vars(self).items() if value is not None}
-        if {"pressure", "pressure_abs"} <= stated.keys():
-            raise InputError("environment.pressure", None, "is what pressure_abs is; state one of them")
         return Environment(**{{"pressure": "pressure_abs"}.get(name, name): value for name, value in stated.items()})
 
 
@@ -179,7 +181,7 @@ class CircuitPlan:
         Raises:
             InputError: a command that its element cannot carry out, or a length that no muscle can have.
         """
-        said: list[Caution | None] = list(parameter_cautions(self.owner))
+        said: list[Caution | None] = [*parameter_cautions(self.owner), room_caution(self.environment)]
         if self.samples < FEWEST:
             few = f"a period of {time_words(self.period)} leaves {self.samples + 1} samples of {time_words(self.duration)}"
             said.append(Caution(few, "run.period"))

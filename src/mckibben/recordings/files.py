@@ -37,7 +37,8 @@ from ..formats.columns import AMBIENT, assemble, channel_columns, date_column, t
 from ..formats.labels import likely_columns, parse_header, quantity_of, time_column
 from ..formats.registry import format_of, load, writer_of
 from ..formats.table import ForeignTable, StoredRecording
-from ..quantities import in_si, named_values, with_unit
+from ..quantities import in_si, named_values, told_apart, with_unit
+from ..slips import USUAL_ROOM
 from .force_map import (
     TEXT_QUANTITIES,
     ForceMap,
@@ -101,9 +102,6 @@ class FileReading(NamedTuple):
     columns: tuple[ColumnUse, ...]
     remarks: tuple[str, ...]
     notes: Mapping[str, Any]
-
-
-LOWEST_AMBIENT, HIGHEST_AMBIENT = 0.3e5, 1.5e5  # where people measure: on the highest mountain, in a caisson [Pa]
 
 
 def read(
@@ -197,9 +195,9 @@ def understand(
             named_values(mapping, name)
     step = None if period is None else float(in_si(period, "s", field="period"))
     zero, air = float(in_si(pressure_zero, "Pa", field="pressure_zero")), float(in_si(ambient, "Pa", field="ambient"))
-    if not LOWEST_AMBIENT <= air <= HIGHEST_AMBIENT:
-        ends = f"from {with_unit(LOWEST_AMBIENT, 'Pa')} to {with_unit(HIGHEST_AMBIENT, 'Pa')}"
-        raise InputError("ambient", with_unit(air, "Pa"), f"must be the absolute pressure of the room, {ends}")
+    if not USUAL_ROOM[0] <= air <= USUAL_ROOM[1]:
+        got, low, high = told_apart("Pa", air, *USUAL_ROOM)
+        raise InputError("ambient", got, f"must be the absolute pressure of the room, from {low} to {high}")
     rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     of_map: dict[str, Any] = {
         "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,
