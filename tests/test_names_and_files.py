@@ -1,6 +1,7 @@
 """Lists of names, names of files, and numbers beside a limit: whatever takes one says what is wrong with it."""
 
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import mckibben as mk
 from mckibben import verbs
 from mckibben.batch.variants import grid
+from mckibben.bench.software.interlocks import SPAN_TOLERANCE, Trip
 from mckibben.cli import _command, verb_commands
 from mckibben.cli._verb import VerbCommand, VerbsCommand
 from mckibben.components.flow import Environment
@@ -189,3 +191,18 @@ def test_a_text_that_begins_with_the_mark_of_its_encoding_is_read(tmp_path):
     path = tmp_path / "marked.toml"
     path.write_text(CIRCUIT.read_text(encoding="utf-8"), encoding="utf-8-sig")
     assert mk.circuit(path).title == mk.circuit(CIRCUIT).title
+
+
+def test_a_span_at_the_end_of_the_frame_is_held_by_hand_and_a_trip_shows_what_was_beyond():
+    """A regulator swings about its set-point: where the frame's end may be asked for, it is no trip until the tolerance."""
+    rig = mk.rig("paper")
+    bounds = float(rig.interlocks.shortest), float(rig.interlocks.longest)
+    assert bounds == pytest.approx((rig.shortest - SPAN_TOLERANCE, rig.longest + SPAN_TOLERANCE), abs=1e-12)
+    said = rig.interlocks.reason(Trip.TOO_LONG, {"span": bounds[1] + 1e-7}, 0.1)
+    assert "the span is 40.03001 cm; it must be 40.03 cm or less" in said
+    with mk.Session(rig, "DMSP-40-400") as session:
+        for span in (rig.longest - 0.01, rig.longest):
+            session.set(span=span)
+            time.sleep(2.0)  # the way takes a second; it tripped half a second after
+        assert session.why == ""
+        assert session.latest()["span"] == pytest.approx(rig.longest, abs=SPAN_TOLERANCE)
