@@ -206,3 +206,10 @@ def test_a_span_at_the_end_of_the_frame_is_held_by_hand_and_a_trip_shows_what_wa
             time.sleep(2.0)  # the way takes a second; it tripped half a second after
         assert session.why == ""
         assert session.latest()["span"] == pytest.approx(rig.longest, abs=SPAN_TOLERANCE)
+
+
+@pytest.mark.parametrize(("force", "said"), [(-20.0, True), (-0.1, False), (0.0, False)])
+def test_a_table_in_which_the_muscle_pushes_is_read_and_says_so(tmp_path, force, said):
+    path = tmp_path / "map.csv"
+    path.write_text(f"length [mm],pressure [bar],force [N]\n110,3,{force}\n120,3,20\n130,3,30\n")
+    assert any("1 of 3 rows push, with 20 N at most" in one for one in mk.read(path).remarks) is said

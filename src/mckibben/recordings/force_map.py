@@ -451,6 +451,11 @@ def map_of_table(
     points = ForceMap(name=path.name, remarks=(*table.remarks, *remarks), **data)
     points = _keep_branch(points, branch, where)
     _check_direction(points, where)
+    pushes = points.tension < -PUSHED * points.tension.max()
+    if pushes.any():
+        most = with_unit(-float(points.tension.min()), "N")
+        said = f"{int(pushes.sum())} of {len(pushes)} rows push, with {most} at most, as no muscle can; they count as slack"
+        points = replace(points, remarks=(*points.remarks, said))
     if table.rows is None:  # samples of a recording: those of a hold are alike
         return points
     return replace(points, remarks=(*points.remarks, *_repeated(points)))
@@ -472,6 +477,7 @@ def table_of(path: Path, **options: object) -> ForeignTable:
     return unpivoted(content) if content.rows is not None else even_table(content, str(path))
 
 
+PUSHED = 0.05  # share of the largest tension by which a slack reading may be negative: zeros of cells drift less
 GRAVITY = 9.80665  # standard acceleration of free fall [m/s^2]
 _PRESSURE_IN_LABEL = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s*([a-zA-Z][a-zA-Z/^0-9]*(?:\s?\(?(?:abs|gauge|rel|g)\)?)?)")
 
