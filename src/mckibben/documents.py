@@ -49,8 +49,11 @@ def path_text(path: Any, field: str = "file") -> str:
     if not isinstance(path, str | os.PathLike):
         raise InputError(field, None, f"must be a name or the path of a file, got {path!r}")
     text = os.fspath(path)
-    parts = text.split(os.sep) if isinstance(text, str) else [text]
-    if not isinstance(text, str) or "\0" in text or max(len(os.fsencode(part)) for part in parts) > LONGEST_NAME:
+    try:
+        longest = max(map(len, os.fsencode(text).split(os.fsencode(os.sep))))
+    except UnicodeEncodeError:  # of no letter
+        longest = LONGEST_NAME + 1
+    if not isinstance(text, str) or "\0" in text or longest > LONGEST_NAME:
         raise not_found(repr(text), "file" if field == "file" else f"{field} file")
     if not text.strip():  # of which a path would be the folder where one is
         raise InputError(field, text, "must be a name or the path of a file")

@@ -182,8 +182,8 @@ def each_once(field: str, values: Iterable[T], *, where: str | None = None) -> l
     listed = list(values)
     keys: list[object] = []
     for one in listed:
-        path, number = isinstance(one, str | os.PathLike) and os.fspath(one), isinstance(one, int | float)
-        keys.append(os.path.normpath(path) if path else one if number else id(one))
+        path = os.fspath(one) if isinstance(one, str | os.PathLike) else ""
+        keys.append(os.path.normpath(path) if path else one if isinstance(one, int | float) else id(one))
         if keys[-1] in keys[:-1]:
             name = getattr(one, "name", None) or getattr(one, "__name__", None) or str(one)
             raise InputError(field, name, "must be stated once; it is there twice", where=where)

@@ -305,8 +305,8 @@ def plot_loops(
         ['1 Hz', '2 Hz']
     """
     if isinstance(recordings, str | os.PathLike):
-        path_text(recordings, "recordings")
-        loops, x, y = analysis_figures.loops_of_sweep(recordings, across=across, channel=channel)
+        folder = Path(path_text(recordings, "recordings"))
+        loops, x, y = analysis_figures.loops_of_sweep(folder, across=across, channel=channel)
     else:
         if not (
             isinstance(recordings, Sequence) and recordings and all(isinstance(one, Recording) for one in recordings)

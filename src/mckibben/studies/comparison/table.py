@@ -362,7 +362,7 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
     if isinstance(file, Recording):
         record, where = file, str(file.meta.get("title", "recording"))
     else:
-        record, where = read_recording(file), str(file)
+        record, where = read_recording(Path(path_text(file, "recordings"))), str(file)
     title = name or (where if isinstance(file, Recording) else Path(file).stem)
     try:
         return _column(record, title)
