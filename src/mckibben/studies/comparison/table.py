@@ -26,6 +26,7 @@ from ...analysis.shortening import ShorteningPower, power_density, shortening_po
 from ...answers import brief
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
+from ...documents import path_text
 from ...errors import InputError, NoVolumeError, choice
 from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
