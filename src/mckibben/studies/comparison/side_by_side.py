@@ -13,7 +13,7 @@ from ..._lazy import LazyModule
 from ...accessors import Accessor, implementation
 from ...answers import Answer, Caution, Column, Table, collect
 from ...documents import JsonValue
-from ...errors import InputError
+from ...errors import InputError, each_once
 from ...extras import library
 from ...muscles import Muscle
 from ...muscles.evidence import law_cautions
@@ -215,7 +215,7 @@ def _subjects(
     for one in muscles:
         if not isinstance(one, (*single, Iterable)):
             raise InputError("muscles", None, f"must be names of muscles, files or muscles, got {one!r}")
-    listed = [one for m in muscles for one in ([m] if isinstance(m, single) else m)]
+    listed = each_once("muscles", (one for m in muscles for one in ([m] if isinstance(m, single) else m)))
     read = [muscle_specimen(one) if isinstance(one, str | os.PathLike) else one for one in listed]
     laws = dict.fromkeys(name for one in read if isinstance(one, Specimen) for name in one.laws)
     if law is not None and law not in laws:
