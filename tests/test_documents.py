@@ -215,7 +215,7 @@ def test_a_number_of_json_may_have_three_hundred_digits_and_no_more():
 
 def test_a_pipe_and_a_folder_are_no_file_and_a_missing_one_is_not_found(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    for name, said in (("pipe", "a pipe, socket or device"), ("none.toml", "not found"), ("", "not found")):
+    for name, said in (("pipe", "a pipe, socket or device"), ("none.toml", "not found"), ("", "it is a folder")):
         assert said in str(no_file(tmp_path / name))
     with pytest.raises(InputError, match="a pipe, socket or device"):
         read_text(tmp_path / "pipe")

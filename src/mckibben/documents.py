@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 JsonValue: TypeAlias = Any
 
 LONGEST = 8 << 20  # of a text of TOML [B]; long tables of numbers stand in files of their own
+LONGEST_NAME = 255  # of a file or folder, which no usual file system exceeds [B]
 DEEPEST = 64  # tables and lists inside of one another
 
 # What decides how deep a text is: brackets and, in TOML, the dots of a key; not what stands in strings and comments.
@@ -48,8 +49,14 @@ def path_text(path: Any, field: str = "file") -> str:
     if not isinstance(path, str | os.PathLike):
         raise InputError(field, None, f"must be a name or the path of a file, got {path!r}")
     text = os.fspath(path)
-    if not isinstance(text, str) or "\0" in text:
+    try:
+        longest = max(map(len, os.fsencode(text).split(os.fsencode(os.sep))))
+    except UnicodeEncodeError:  # of no letter
+        longest = LONGEST_NAME + 1
+    if not isinstance(text, str) or "\0" in text or longest > LONGEST_NAME:
         raise not_found(repr(text), "file" if field == "file" else f"{field} file")
+    if not text.strip():  # of which a path would be the folder where one is
+        raise InputError(field, text, "must be a name or the path of a file")
     return text
 
 
@@ -78,7 +85,7 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file", form: str = 
             raise no_file(where)
         if len(data) > LONGEST:
             raise InputError(field, where, f"must be at most {LONGEST >> 20} MiB long; it is longer")
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")  # some editors begin a file with the mark of its encoding
     except IsADirectoryError:
         raise InputError(field, where, f"must be a {form} file; it is a folder") from None
     except FileNotFoundError:
@@ -90,11 +97,11 @@ def read_text(path: str | os.PathLike[str], *, field: str = "file", form: str = 
 
 
 def no_file(path: str | os.PathLike[str]) -> InputError:
-    """The error about a path at which no plain file is: nothing, or a pipe or device, which might never end."""
-    if not os.path.exists(path) or os.path.isdir(path):
+    """The error about a path at which no plain file is: nothing, a folder, or a pipe or device, which might never end."""
+    if not os.path.exists(path):
         return not_found(path)
-    said = "must be a plain file; it is a pipe, socket or device, whose end nobody knows"
-    return InputError("file", os.fspath(path), said)
+    what = "a folder" if os.path.isdir(path) else "a pipe, socket or device, whose end nobody knows"
+    return InputError("file", os.fspath(path), f"must be a plain file; it is {what}")
 
 
 def parse_toml(text: str, *, where: str, field: str = "file") -> dict[str, JsonValue]:

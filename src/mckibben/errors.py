@@ -6,11 +6,13 @@ exits with 2); the others name a state that could not be reached.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeVar
 
 LONGEST = 300  # characters of a text that is shown
+T = TypeVar("T")
 _NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( [^\s\d]\S*)?")  # a number, with its unit
 
 
@@ -169,6 +171,23 @@ class InputError(MckibbenError, ValueError):
             sentence=self.sentence if sentence is None else sentence,
             remedy=self.remedy if remedy is None else remedy,
         )
+
+
+def each_once(field: str, values: Iterable[T], *, where: str | None = None) -> list[T]:
+    """Return values as a list, or refuse what stands there twice: it would have one name in an answer, or twice the weight.
+
+    Raises:
+        InputError: names the value; spellings of one path are one.
+    """
+    listed = list(values)
+    keys: list[object] = []
+    for one in listed:
+        path = os.fspath(one) if isinstance(one, str | os.PathLike) else ""
+        keys.append(os.path.normpath(path) if path else one if isinstance(one, int | float) else id(one))
+        if keys[-1] in keys[:-1]:
+            name = getattr(one, "name", None) or getattr(one, "__name__", None) or str(one)
+            raise InputError(field, name, "must be stated once; it is there twice", where=where)
+    return listed
 
 
 def not_found(path: object, kind: str = "file", *, where: str | None = None) -> InputError:

@@ -40,6 +40,10 @@ AT_BOUND = 1e-6  # distance from a bound, in scaled parameters, at which a param
 # A fit may end where it began only at a minimum. There no parameter by itself lowers the sum of squares by more than a
 # millionth, its cosine with the residual squared, or none would be moved by more than a millionth of its size.
 FLAT_COSINE, FLAT_STEP = 1e-3, 1e-6
+MISSED = (
+    0.03  # share of what a record spans beyond which errors that last are said: several times that of usual sensors
+)
+FEWEST = 8  # samples of which one can say whether errors last
 NAMED = 3  # parameters that a sentence names
 
 
@@ -541,6 +545,28 @@ def require_progress(
         raise ConvergenceError(
             f"The fit of {subject} ended where it began, and its first guesses are no minimum; begin with other values."
         )
+
+
+def misfit(subject: str, measured: np.ndarray, error: np.ndarray) -> list[str]:
+    """Say that a model does not describe a record, where its errors are large and no noise.
+
+    Args:
+        subject: what was recorded.
+        measured: its samples, one after the other, shape (n,), in any unit.
+        error: of the model at each, shape (n,), in the same unit.
+
+    Returns:
+        One sentence where the error is more than `MISSED` of what the samples span and lasts from sample to sample; else
+        nothing. By J. von Neumann's ratio, Ann. Math. Stat. 12, 1941, 367, squared differences of neighbours over squares:
+        2 for white noise, below 2 - 2.56/sqrt(n) in one of ten records of it.
+    """
+    rms, spanned, n = float(np.sqrt(np.mean(error**2))), float(np.ptp(measured)), len(error)
+    lasts = np.sum(np.diff(error) ** 2) < min(1.5, 2.0 - 2.56 / np.sqrt(max(n, 1))) * np.sum(error**2)
+    if n < FEWEST or rms <= MISSED * spanned or not lasts:
+        return []
+    by = f"{100.0 * rms / spanned:.2g} % of what it spans" if spanned else "more than what it spans"
+    lasting = "on one side for several samples at a time, as noise is not; intervals hold for a model that describes it"
+    return [f"the model does not describe the record: it misses {subject} by {by}, rms, {lasting}"]
 
 
 def listed(names: Sequence[str]) -> str:

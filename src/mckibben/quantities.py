@@ -82,11 +82,12 @@ class Quantity(NamedTuple):
         bad = ~np.isfinite(number) | (number < low) | (number > high)
         if np.any(bad):
             first = float(number[bad].flat[0])
-            raise InputError(name, with_unit(first, self.unit), f"must be {self.allowed()}", where=where)
+            got = told_apart(self.unit, first, *self.bounds)[0]
+            raise InputError(name, got, f"must be {self.allowed(first)}", where=where)
 
-    def allowed(self) -> str:
-        """Describe the bounds."""
-        low, high = (with_unit(b, self.unit) for b in self.bounds)
+    def allowed(self, beside: float = math.nan) -> str:
+        """Describe the bounds, with digits that tell them from a value [unit] beside them."""
+        _, low, high = told_apart(self.unit, beside, *self.bounds)
         if math.isinf(self.bounds[1]):
             return f"{low} or more"
         return f"between {low} and {high}"
@@ -537,6 +538,15 @@ def _kind(si_unit: str) -> str:
 def shown_unit(si_unit: str) -> str:
     """Usual unit for display of a quantity in this SI unit."""
     return _SHOWN.get(si_unit, si_unit)
+
+
+def told_apart(si_unit: str, value: float, *limits: float) -> tuple[str, ...]:
+    """A value and limits [si_unit] in their usual unit, with four digits, or as many as tell the value from each."""
+    for digits in range(4, 18):
+        first, *others = texts = tuple(with_unit(one, si_unit, digits) for one in (value, *limits))
+        if not any(text == first and limit != value for text, limit in zip(others, limits, strict=True)):
+            break
+    return texts
 
 
 def with_unit(value: float, si_unit: str, digits: int = 4) -> str:

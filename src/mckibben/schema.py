@@ -24,7 +24,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .documents import JsonValue
-from .errors import InputError, choice
+from .errors import InputError, choice, each_once
 from .quantities import Quantity, declared, parse
 
 if TYPE_CHECKING:
@@ -340,7 +340,7 @@ def words(doc: str = "", *, among: tuple[str, ...] = (), key: str = "", **option
         for one in raw:
             if among and one not in among:
                 raise place.fail(one, known=among)
-        return tuple(raw)
+        return tuple(each_once(place.field, raw, where=place.where))
 
     return entry(read, doc, write=lambda value, place: list(value), key=key, **options)
 

@@ -17,6 +17,7 @@ USUAL_SIZES: dict[str, tuple[float, float, float]] = {
     "1/s": (1e-4, 10.0, 1e6), "m^3/s": (1e-9, 1e-3, 1.0), "rad": (1e-5, 0.5, 7.0), "m/s^2": (1e-3, 9.8, 1e3),
     "kg*m^2": (1e-9, 2e-3, 10.0),
 }  # fmt: skip
+USUAL_ROOM = (0.3e5, 1.5e5)  # where people measure: on the highest mountain, in a caisson [Pa]
 MORE_UNITS = {
     "rad/s": ("rpm",), "Pa": ("psi",), "N": ("kN", "mN"), "rad": ("deg",), "s": ("h", "day"), "m/s^2": ("cm/s^2",),
     "1/s": ("1/min",), "Pa/m": ("bar/mm",), "Pa/(m*s)": ("bar/(mm*s)",), "kg*m^2": ("g*cm^2", "kg*cm^2", "g*m^2"),

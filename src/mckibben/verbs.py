@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, cast
 
 from .accessors import PLACES
 from .answers import Answer, Caution, collect, warn
-from .errors import InputError
+from .errors import InputError, each_once
 from .quantities import in_si, parse, split_values, values_in_si
 
 PACKAGE = Path(__file__).parent
@@ -268,6 +268,8 @@ class Parameter:
         if not unit:
             if self.many and isinstance(value, Mapping | int | float):
                 raise InputError(self.name, None, f"must be a name or several, got {value!r}")
+            if self.many and isinstance(value, list | tuple) and "," not in self.type.word:  # two readings may be alike
+                value = each_once(self.name, value)
             return value
         if not self.many:
             typed_bare = self.type.bare and isinstance(value, str)

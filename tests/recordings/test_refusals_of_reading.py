@@ -133,7 +133,7 @@ def test_only_what_a_map_or_a_recording_takes_is_stated_with_it(files):
     up = mk.read(files / "map.csv", branch="up")
     assert up.tension.tolist() == [5.0]
     for path, options, says in (
-        (3, {}, "file must be the path of a file, got 3"),
+        (3, {}, "file must be a name or the path of a file, got 3"),
         ("map.csv", {"kind": "maps"}, "Unknown kind 'maps'. Did you mean 'map'"),
         ("map.csv", {"branch": "left"}, "the file has down, up"),
         ("record.csv", {"ambient": "0.29 bar"}, "ambient must be the absolute pressure of the room, from"),
@@ -161,6 +161,8 @@ def test_a_pressure_that_is_stated_as_absolute_is_named_so_once(files):
 def test_a_recording_is_read_from_a_recording_and_its_file_is_named_where_there_is_one(files):
     own = read_recording(files / "own.csv")
     assert read_recording(own) is own and read_any(own).recording is own and read_any(own).remarks == []
+    refused(lambda: read_recording(files / "own.xyz"), "File not found")
+    (files / "own.xyz").touch()
     refused(lambda: read_recording(files / "own.xyz"), "Unknown suffix '.xyz'")
     refused(lambda: read_recording(files / "record.csv"), "this is no recording of mckibben")
     for source, place in ((own, ""), (files / "own.csv", f"{files / 'own.csv'}: ")):

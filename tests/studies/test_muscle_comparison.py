@@ -46,8 +46,10 @@ def fibre_trials(fast: ComparedMuscle) -> Trials:
 
 
 def test_equal_specimens_compare_equal() -> None:
-    one, other = compare(["nylon", "nylon"]).columns
+    one, other = (compare("nylon").columns for _ in range(2))
     assert one == other
+    with pytest.raises(InputError, match="muscles must be stated once, got 'nylon'; it is there twice"):
+        compare(["nylon", "nylon"])
 
 
 @pytest.mark.parametrize("name", IDS)

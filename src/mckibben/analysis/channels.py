@@ -79,7 +79,8 @@ def choose_channel(record: Recording, role: str, name: str | None = None) -> str
     for candidates in ([n for n in names if n in usable][:1], alike, usable):
         if len(candidates) == 1:
             return candidates[0]
-    has = ", ".join(alike or usable) or ", ".join(f"{n} [{c.unit}]" for n, c in record.channels.items())
+    empty = {n: "" if np.isfinite(c.values).any() else " without a number" for n, c in record.channels.items()}
+    has = ", ".join(alike or usable) or ", ".join(f"{n} [{c.unit}]{empty[n]}" for n, c in record.channels.items())
     raise InputError(role, None, f"must name a channel in {unit}; the recording has {has or 'no channels'}")
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, NamedTuple
 from ..components import Environment, MemoryElement, paths
 from ..components.flow import FlowElement
 from ..documents import JsonValue
-from ..errors import InputError
+from ..errors import InputError, each_once
 from ..muscles import Muscle
 from ..muscles.build import at_rest_length
 from ..muscles.dimensions import REST_LENGTH
@@ -122,7 +122,14 @@ def unit_from_specimen(
 
 def unit_parameter(unit: MuscleUnit, path: str) -> Quantity:
     """The declaration of a muscle's parameter by its path; every specimen has a rest length, also where its law has none."""
+    path = _full_path(unit, path)
     return REST_LENGTH if path == "law.rest_length" else paths.declaration(unit, path)
+
+
+def _full_path(unit: MuscleUnit, path: str) -> str:
+    """The path of a parameter, of which one of the law may lack ``law.``, as it does where no unit is around the law."""
+    known = {"law.rest_length", *(name for name, _ in paths.parameters(unit))}
+    return f"law.{path}" if path not in known and f"law.{path}" in known else path
 
 
 def with_parameters(
@@ -144,7 +151,8 @@ def with_parameters(
         declared = unit_parameter(unit, path)
         number = parse(value, declared.unit, field=f"muscle.{path}") if isinstance(value, str) else value
         declared.check(f"muscle.{path}", number)
-        others[path] = number
+        full = each_once("parameters of the muscle", [*others, _full_path(unit, path)])[-1]
+        others[full] = number
     if "law.rest_length" in others:
         if spec is None:
             raise InputError("muscle.law.rest_length", None, "is allowed only of a specimen, which is cut to it")

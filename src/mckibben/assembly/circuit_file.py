@@ -19,7 +19,7 @@
     duration = "2 s"              # period = "1 ms", step = "50 us", method = "auto"
 
 Valves name a signal as `command`, reservoirs and muscles as `signal`; [signals.NAME] is a waveform of
-`mckibben.experiments.waveforms`. The pressure of the [environment] is absolute. [fit] says how
+`mckibben.experiments.waveforms`. The `pressure_abs` of the [environment] is absolute. [fit] says how
 records of the circuit are read, and what is fitted to them. Files that are named, such as that of a specimen, are looked for
 beside this one.
 """
@@ -50,7 +50,7 @@ from ..errors import InputError
 from ..experiments.waveforms import Waveform, read_waveform, time_words
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
-from ..muscles.plausible import parameter_cautions, pressure_caution, span_cautions
+from ..muscles.plausible import parameter_cautions, pressure_caution, room_caution, span_cautions
 from ..pneumatics.build import put_value
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.volume import Reservoir
@@ -74,14 +74,20 @@ FEWEST = 5  # periods of a run; with fewer the period is a slip of its unit
 
 @dataclass(frozen=True, kw_only=True)
 class EnvironmentTable:
-    """The surroundings as a circuit file states them."""
+    """The surroundings as a circuit file states them; `pressure` is what earlier versions called `pressure_abs`."""
 
-    pressure_abs: float | None = schema.like(Environment, "pressure_abs", key="pressure", default=None)
+    pressure_abs: float | None = schema.like(Environment, "pressure_abs", default=None)
+    pressure: float | None = schema.like(Environment, "pressure_abs", default=None)
     temperature: float | None = schema.like(Environment, "temperature", default=None)
+
+    def __post_init__(self) -> None:
+        if None not in (self.pressure, self.pressure_abs):
+            raise InputError("environment.pressure", None, "is what pressure_abs is; state one of them")
 
     def surroundings(self) -> Environment:
         """The surroundings, as usual where nothing is stated."""
-        return Environment(**{name: value for name, value in vars(self).items() if value is not None})
+        stated = {name: value for name, value in vars(self).items() if value is not None}
+        return Environment(**{{"pressure": "pressure_abs"}.get(name, name): value for name, value in stated.items()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +181,7 @@ class CircuitPlan:
         Raises:
             InputError: a command that its element cannot carry out, or a length that no muscle can have.
         """
-        said: list[Caution | None] = list(parameter_cautions(self.owner))
+        said: list[Caution | None] = [*parameter_cautions(self.owner), room_caution(self.environment)]
         if self.samples < FEWEST:
             few = f"a period of {time_words(self.period)} leaves {self.samples + 1} samples of {time_words(self.duration)}"
             said.append(Caution(few, "run.period"))

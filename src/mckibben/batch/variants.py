@@ -13,7 +13,7 @@ import numpy as np
 
 from ..answers import brief
 from ..documents import JsonValue
-from ..errors import InputError
+from ..errors import InputError, each_once
 from ..quantities import random_generator
 
 SPACINGS = ("linear", "log")
@@ -54,7 +54,7 @@ def column(values: Sequence[object]) -> np.ndarray:
 
 def grid(axes: Mapping[str, Sequence[object]]) -> Variants:
     """Combine the values of all paths in every way; the last path varies fastest."""
-    columns = [column(list(values)) for values in axes.values()]
+    columns = [column(each_once(path, values)) for path, values in axes.items()]
     counts = [len(c) for c in columns]
     _few(int(np.prod(counts, dtype=object)) if counts else 1)
     places = np.indices(counts).reshape(len(counts), -1) if counts else np.zeros((0, 1), int)

@@ -24,7 +24,13 @@ from ..experiments.protocol import PlannedStep, Protocol, ProtocolPlan
 from ..muscles import Muscle
 from ..muscles.build import rest_length_of
 from ..muscles.evidence import law_cautions
-from ..muscles.plausible import measured_length_caution, parameter_cautions, pressure_caution, span_cautions
+from ..muscles.plausible import (
+    measured_length_caution,
+    parameter_cautions,
+    pressure_caution,
+    room_caution,
+    span_cautions,
+)
 from ..quantities import in_si, whole_number, with_unit
 from ..recordings.memory import INTEGRATED, check_memory
 from ..specimens import Specimen, muscle_specimen
@@ -150,7 +156,7 @@ class PreparedRun:
             except InputError as error:
                 said.append(Caution(str(error), "span"))
         parts = {"plumbing": {name: vars(p) for name, p in self.rig.plumbing.items()}, "sensors": self.rig.sensors}
-        return collect(*said, *parameter_cautions(parts))
+        return collect(*said, room_caution(self.rig.environment), *parameter_cautions(parts))
 
     def segments(self) -> Iterator[RunSegment]:
         """Divide the plan at the operator actions."""

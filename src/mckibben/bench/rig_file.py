@@ -47,7 +47,7 @@ from .hardware.stand import Encoder, Frame, Motor
 from .rig import DRIFT, OperatorAction, Plumbing, Rig, RigFaults
 from .sensors import SENSORS, SensorKind
 from .software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
-from .software.interlocks import Interlocks
+from .software.interlocks import SPAN_TOLERANCE, Interlocks
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -184,7 +184,9 @@ def read_rig(document: Mapping[str, JsonValue], *, where: str = "rig") -> Rig:
         plumbing={name: _plumbing(layouts.table(name), room) for name in layouts.values},
         motion=read_table(MotionEstimate, control.table("motion")),
         **{name: _controller(control.table(name), kind) for name, kind in CONTROLLERS.items()},
-        interlocks=read_table(Interlocks, interlocks, shortest=bounds[0], longest=bounds[1]),
+        interlocks=read_table(
+            Interlocks, interlocks, shortest=bounds[0] - SPAN_TOLERANCE, longest=bounds[1] + SPAN_TOLERANCE
+        ),
         environment=room,
         faults=_faults(top.table("faults"), [*sensors.values, *(["span"] if "encoder" in document else [])]),
         hands=tuple(read_table(OperatorAction, table, owner="a hand has") for table in hands),

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import typer
 import typer.core
 
+from ..documents import path_text
 from ..errors import InputError
 from ..registry import allow_code, named_by_person
 from . import _progress, _terminal, _values
@@ -82,6 +83,8 @@ class PlainValue:
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         if self._kind in (str, Path):
+            for one in ([value] if isinstance(value, str) else value) if self._kind is Path else ():
+                path_text(one, max(param.opts, key=len) if param.param_type_name == "option" else param.name)
             if isinstance(value, str):
                 return self._kind(value)
             if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value):

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
-from ..errors import InputError
+from ..errors import InputError, each_once
 from ..muscles.build import law_from_specimen
 from ..muscles.evidence import interval_remarks, law_error
 from ..quantities import whole_number
@@ -372,8 +372,7 @@ def _makers(controller: Any) -> dict[str, Callable[[ControlTask], Controller]]:
     makers: dict[str, Callable[[ControlTask], Controller]] = {}
     for one in split:
         name = one if isinstance(one, str) else getattr(one, "__name__", repr(one))
-        if name in makers:
-            raise InputError("controller", name, "must be stated once: the scores of two would have one name")
+        each_once("controller", [*makers, name])
         if callable(one):
             makers[name] = one
         elif is_reference(name):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..answers import brief
 from ..errors import InputError, compose_sentence
+from ..quantities import told_apart
 from .amounts import read_amount
 from .commands import Deferred, Follow, Reach
 from .protocol import PlannedStep, Protocol, ProtocolPlan, case_words
@@ -200,11 +201,11 @@ def _check_pressure(step: PlannedStep, limits: Limits, dt: float) -> Iterator[Vi
     if target is not None:
         reach = Reach(target, target)
     if reach.high > high:
-        yield Violation("pressure", _bar(reach.high), f"the regulator allows up to {_bar(high)}")
+        yield _beyond("pressure", "Pa", reach.high, high, "the regulator allows up to {}")
     if reach.low < low:
-        yield Violation("pressure", _bar(reach.low), f"the regulator allows {_bar(low)} or more")
+        yield _beyond("pressure", "Pa", reach.low, low, "the regulator allows {} or more")
     if reach.high > limits.burst_pressure:
-        yield Violation("pressure", _bar(reach.high), f"the muscle bursts at {_bar(limits.burst_pressure)}")
+        yield _beyond("pressure", "Pa", reach.high, limits.burst_pressure, "the muscle bursts at {}")
     if isinstance(step.pressure, np.ndarray):
         held = isinstance(command, Follow) and not command.waveform.straight
         before = step.pressure_before.low if step.pressure_before.known else step.pressure[0]
@@ -242,6 +243,12 @@ def _bar(value: float) -> str:
     return words(value, "Pa")
 
 
+def _beyond(name: str, unit: str, value: float, limit: float, said: str) -> Violation:
+    """A value beyond a limit [unit], which stands in the sentence's braces, with digits that show it."""
+    reads, most = told_apart(unit, value, limit)
+    return Violation(name, reads, said.format(most))
+
+
 def _check_motion(
     step: PlannedStep, limits: Limits, dt: float, estimate: Estimate | None, rest_length: float
 ) -> Iterator[Violation]:
@@ -254,9 +261,9 @@ def _check_motion(
         reach = Reach(to, to)
     # a micrometre: lengths in L0 come through a product
     if np.isfinite(reach.high) and reach.high > high + 1e-6:
-        yield Violation("span", words(reach.high, "m"), f"the rig allows up to {words(high, 'm')}")
+        yield _beyond("span", "m", reach.high, high, "the rig allows up to {}")
     if np.isfinite(reach.low) and reach.low < low - 1e-6:
-        yield Violation("span", words(reach.low, "m"), f"the rig allows {words(low, 'm')} or more")
+        yield _beyond("span", "m", reach.low, low, "the rig allows {} or more")
     if not isinstance(step.motor, np.ndarray):
         yield from _uncertain(step, step.motor, limits, estimate)
         return
@@ -271,15 +278,14 @@ def _check_motion(
             velocity = velocity[1:]
     fastest = float(np.abs(velocity).max(initial=0.0))
     if fastest > limits.speed * SLACK:
-        yield Violation("speed", words(fastest, "m/s"), f"the motor allows up to {words(limits.speed, 'm/s')}")
+        yield _beyond("speed", "m/s", fastest, limits.speed, "the motor allows up to {}")
         return
     window = max(1, round(limits.rounding / dt))
     window = min(window, max(1, len(velocity) - 1))
     change = np.abs(velocity[window:] - velocity[:-window]) / (window * dt)
     hardest = float(change.max(initial=0.0))
     if hardest > limits.acceleration * SLACK:
-        value = words(hardest, "m/s^2")
-        yield Violation("acceleration", value, f"the motor allows up to {words(limits.acceleration, 'm/s^2')}")
+        yield _beyond("acceleration", "m/s^2", hardest, limits.acceleration, "the motor allows up to {}")
 
 
 def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
@@ -288,8 +294,7 @@ def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Esti
         return
     far = max(abs(line.to - x) for x in _starts(step, limits, estimate))
     if far / line.seconds > limits.speed * SLACK:
-        value = words(far / line.seconds, "m/s")
-        yield Violation("speed", value, f"the motor allows up to {words(limits.speed, 'm/s')}")
+        yield _beyond("speed", "m/s", far / line.seconds, limits.speed, "the motor allows up to {}")
 
 
 def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
@@ -297,17 +302,17 @@ def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate
         return
     reach = Reach(float(step.motor.min()), float(step.motor.max()))
     if reach.high > limits.tension:
-        yield Violation("tension", words(reach.high, "N"), f"the load cell reads up to {words(limits.tension, 'N')}")
+        yield _beyond("tension", "N", reach.high, limits.tension, "the load cell reads up to {}")
     if reach.high > limits.motor_force:
-        yield Violation("tension", words(reach.high, "N"), f"the motor pulls {words(limits.motor_force, 'N')} at most")
+        yield _beyond("tension", "N", reach.high, limits.motor_force, "the motor pulls {} at most")
     if reach.low < 0.0:
         yield Violation("tension", words(reach.low, "N"), "must be 0 N or more; a muscle cannot push")
     if estimate is not None and np.isfinite(step.pressure_reach.high):
         longest, highest = limits.span[1], step.pressure_reach.high
         largest = float(np.max(np.asarray(estimate(np.asarray([longest]), np.asarray([highest])))))
         if reach.low > largest:
-            most = f"{words(largest, 'N')} at most, at {words(longest, 'm')} and {words(highest, 'Pa')}"
-            yield Violation("tension", words(reach.low, "N"), f"the muscle makes {most}")
+            most = f"the muscle makes {{}} at most, at {words(longest, 'm')} and {words(highest, 'Pa')}"
+            yield _beyond("tension", "N", reach.low, largest, most)
 
 
 def states(step: PlannedStep, limits: Limits, estimate: Estimate | None, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -369,7 +374,8 @@ def _check_tension(
         higher = [name for name, value in stated.items() if read_amount(value, "Pa", field=name).value > fits]
         lower = f": lower {' and '.join(higher)}" if higher else ""
         cure = f". Up to {words(fits, 'Pa')} fits{lower}"
-    value, most = words(float(force[worst]), "N"), f"{who} up to {words(allowed, 'N')}{cure}"
+    value, most = told_apart("N", float(force[worst]), allowed)
+    most = f"{who} up to {most}{cure}"
     yield Violation("tension", value, most, f"tension would reach {value} near {place}; {most}")
 
 

@@ -118,12 +118,12 @@ def load(path: Path, **options: object) -> StoredRecording | ForeignTable:
             raise InputError("folder", where, f"must hold one file .db3 or .mcap; it has {len(inside)}")
         path = inside[0]
     file_format = format_of(path)
-    if not path.suffix and not path.is_file():
+    if not path.is_file():
         raise no_file(where)
     if file_format is None:
         raise InputError("suffix", path.suffix or where, known=readable(), where=where)
-    if not path.is_file():
-        raise no_file(where)
+    if not path.stat().st_size:
+        raise InputError("file", None, "is empty", where=where)
     stated = {name: value for name, value in options.items() if value is not None}
     for name in stated:
         if name not in file_format.options:

@@ -16,7 +16,7 @@ from ..components import paths
 from ..documents import JsonValue
 from ..engine import STEP, Run
 from ..engine.rates import RK4_LIMIT
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, each_once
 from ..estimation import (
     AT_BOUND,
     Descent,
@@ -26,6 +26,7 @@ from ..estimation import (
     Search,
     bounds_of,
     conclude,
+    misfit,
     widening,
 )
 from ..quantities import Quantity, whole_number
@@ -294,7 +295,11 @@ def fit_circuit(
     for trial in (*trials, *predict):
         outputs = run_trial(trial, changes, step=step).outputs
         predicted[trial.name] = {c: np.asarray(outputs[c]) for c in trial.channels}
-        errors += _errors(trial, predicted[trial.name], fitted=any(trial is t for t in trials))
+        fitted = any(trial is t for t in trials)
+        errors += _errors(trial, predicted[trial.name], fitted=fitted)
+        for c, p in predicted[trial.name].items() if fitted else ():
+            subject = f"{c.removesuffix('_abs')} of {Path(trial.name).name}"
+            warnings += misfit(subject, trial.measured[c], p - trial.measured[c])
     return CircuitFit(
         parameters=known.parameters,
         paths=problem.paths,
@@ -352,11 +357,8 @@ def run_trial(trial: Trial, changes: Mapping[str, float], *, step: float = STEP)
 def _check_together(trials: Sequence[Trial], free: Sequence[str]) -> None:
     """Refuse trials that share no parameters, and two of one name: a record that counts twice makes intervals too narrow."""
     wanted = expand(free, trials[0])
-    names: set[str] = set()
+    each_once("records", [trial.name for trial in trials])
     for trial in trials:
-        if trial.name in names:
-            raise InputError("records", trial.name, "must be each record once; it is there twice")
-        names.add(trial.name)
         trial.check()
         paths = expand(free, trial)
         if paths != wanted:

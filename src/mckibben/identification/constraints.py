@@ -16,7 +16,7 @@ import numpy as np
 from .._jax import Scalar, jax, jnp
 from ..answers import Answer, Caution, Table, estimates
 from ..documents import JsonValue, read_toml
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, each_once
 from ..estimation import Estimate, Estimation, Parameter, determined, open_groups
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
@@ -223,6 +223,7 @@ def _check(law: str, constraints: Sequence[Constraint], free: tuple[str, ...], k
             raise InputError(f"constraint {c.what}", None, "needs the length at which it holds")
     if not constraints:
         raise InputError("constraints", None, "must be one or more")
+    each_once("free", free)
     for name in required_fields(law_type(law)):
         if name not in free and name not in known:
             raise InputError(name, None, f"is missing: the law {law} needs it")

@@ -21,7 +21,7 @@ import numpy as np
 
 from .._jax import Scalar
 from ..errors import InputError, choice
-from ..estimation import Estimate, Parameter, PartialFit, akaike, conclude, descend_linear
+from ..estimation import Estimate, Parameter, PartialFit, akaike, conclude, descend_linear, misfit
 from ..muscles.elements import KelvinVoigtChain
 
 LAWS = ("free", "logarithmic")
@@ -146,7 +146,7 @@ def fit_creep(
         s,
         training,
         fitted + drift,
-        (*found.warnings, *zero),
+        (*found.warnings, *zero, *misfit("the stroke", some, residual)),
     )
 
 

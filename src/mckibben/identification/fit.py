@@ -20,7 +20,7 @@ import numpy as np
 from .._jax import Scalar
 from ..accessors import Accessor
 from ..documents import JsonValue
-from ..errors import ConvergenceError, InputError
+from ..errors import ConvergenceError, InputError, each_once
 from ..estimation import (
     INDIFFERENT,
     NORMAL_QUANTILE,
@@ -532,7 +532,7 @@ def fit(
     values = solution.scaled * problem.scale
     half = spread.quantile * spread.standard_error * problem.scale
     crossed = {}
-    for scheme in schemes:
+    for scheme in each_once("schemes", schemes):
         result = cross_validate(problem, scheme) if solution.converged else None
         if result is not None:
             crossed[scheme] = result
@@ -608,7 +608,7 @@ def fit_all(
     further = [law_key(law) for law in beside]
     names = [*(name for name in LAWS if name not in further), *further]
     fits = []
-    for name in names if laws is None else map(law_key, laws):
+    for name in names if laws is None else each_once("law", map(law_key, laws)):
         try:
             fits.append(fit(name, points, known=known, **options))
         except (InputError, ConvergenceError) as error:

@@ -28,7 +28,7 @@ from .._jax import Array, Scalar, Tree, jax, jnp
 from ..components import Hysteresis
 from ..documents import JsonValue
 from ..errors import InputError, choice
-from ..estimation import Estimate, Estimation, Parameter, PartialFit, akaike, at_bounds, conclude
+from ..estimation import Estimate, Estimation, Parameter, PartialFit, akaike, at_bounds, conclude, misfit
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, Dahl, FrictionLimit, MaxwellSlip
 from ..muscles.law import TensionLaw
@@ -238,6 +238,7 @@ def fit_loop(
     curve = np.cumsum([estimates.pop(n).value for n in free if n.startswith("rise_")]) if law is None else np.zeros(0)
     lost = () if best.converged else (f"did not converge: {best.message}",)
     bound = (f"{n} lies on its bound" for n in at_bounds(free, best.x))
+    missed = misfit("the stroke", record.stroke[training], left)
     return LoopFit(
         model,
         law is not None,
@@ -248,7 +249,7 @@ def fit_loop(
         training,
         predict(best.x),
         best.converged,
-        (*lost, *known_of.warnings, *bound),
+        (*lost, *known_of.warnings, *bound, *missed),
         law,
         knots,
     )

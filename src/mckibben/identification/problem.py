@@ -33,7 +33,7 @@ import numpy as np
 from .._jax import Scalar, jax
 from ..documents import JsonValue
 from ..engine.native import EngineFunction, compile_function
-from ..errors import InputError
+from ..errors import InputError, each_once
 from ..estimation import Descent, Estimate, Parameter, bounds_of, descend
 from ..muscles.build import construct, required_fields
 from ..muscles.law import TensionLaw
@@ -93,7 +93,7 @@ class Problem:
         parameters = {k: v for k, v in dict(known or {}).items() if k in fields}
         if points.diameter is not None and "rest_diameter" in fields:
             parameters.setdefault("rest_diameter", points.diameter)
-        free = free or _freed(kind, parameters, points)
+        free = tuple(each_once("free", free or _freed(kind, parameters, points)))
         if "rest_length" in fields and "rest_length" not in parameters and "rest_length" not in free:
             if points.rest_length is None:
                 allowed = f"is missing: the law {law} needs the rest length, or a column rest_length"

@@ -18,7 +18,7 @@ import numpy as np
 from ..accessors import Accessor, implementation
 from ..answers import Answer, Caution, Column, Table, collect, estimates, warn
 from ..citations import reference
-from ..documents import JsonValue
+from ..documents import JsonValue, path_text
 from ..errors import InputError
 from ..extras import library
 from ..muscles.build import law_from_specimen
@@ -417,7 +417,7 @@ def load_table(
         wanted = "a table that was read, its file, or the id of a specimen that ships with one"
         problem = f"is missing: {wanted}" if untyped is None else f"must be {wanted}, got {type(untyped).__name__}"
         raise InputError("table", None, problem)
-    name = os.fspath(table)
+    name = path_text(table, "table")
     if not Path(name).suffix and name.lower() in [known.lower() for known in specimen_ids()]:
         spec = muscle_specimen(name)
         rest = rest or spec.property_si("rest_length", "m")

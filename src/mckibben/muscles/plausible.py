@@ -14,10 +14,11 @@ import numpy as np
 
 from .._jax import is_traced
 from ..answers import Caution, collect
+from ..components.flow import Environment
 from ..components.paths import declared_values
 from ..errors import InputError
 from ..quantities import Quantity, amounts, with_unit
-from ..slips import likely_unit, size_caution
+from ..slips import USUAL_ROOM, likely_unit, size_caution
 from ..specimens import Specimen
 
 # Muscles of catalogues are rated for 6 to 8 bar; the maps that ship reach 6.75 bar. Gauge [Pa].
@@ -240,6 +241,11 @@ def parameter_cautions(owner: Any) -> tuple[Caution, ...]:
     """
     said = (parameter_caution(*declared) for declared in declared_values(owner))
     return collect(*(one for cautions in said for one in cautions))
+
+
+def room_caution(environment: Environment) -> Caution | None:
+    """Caution about surroundings in which nobody measures, such as a supply's pressure in the place of the room's."""
+    return size_caution(float(environment.pressure_abs), "Pa", name="environment.pressure_abs", usual=USUAL_ROOM)
 
 
 def parameter_caution(path: str, stated: Quantity, value: Any) -> tuple[Caution, ...]:

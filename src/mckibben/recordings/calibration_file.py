@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from ..answers import Answer, Column, Table
-from ..documents import JsonValue, read_toml, write_text
+from ..documents import JsonValue, path_text, read_toml, write_text
 from ..errors import InputError
 from ..quantities import with_unit
 from ..verbs import CalibrationFile, ParameterType, RecordingFile, verb
@@ -57,7 +57,7 @@ def read_calibration(path: str | os.PathLike[str]) -> Calibration:
     Raises:
         InputError: names the file, the dotted path, the value and what is allowed; a newer schema is refused.
     """
-    where = os.fspath(path)
+    where = path_text(path, "calibration")
     return read_plain(read_toml(path, field="calibration"), where=where, bare=False)
 
 
@@ -182,7 +182,7 @@ def describe_calibration(file: CalibrationOrRecording) -> CalibrationDescription
     if where.lower().endswith(".toml"):
         known = read_calibration(where)
     try:
-        known = read_recording(where) if where and known is file else known
+        known = known if isinstance(known, Calibration) else read_recording(known)
         known = carried(known) if isinstance(known, Recording) else known
     except InputError as error:
         raise error if error.where == (where or None) else error.at(where) from None

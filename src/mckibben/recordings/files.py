@@ -23,14 +23,13 @@ Further formats come from other packages: see `mckibben.formats.registry`. What 
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..documents import JsonValue, write_whole
+from ..documents import JsonValue, no_file, path_text, write_whole
 from ..errors import InputError
 from ..formats import mcap
 from ..formats.clock import is_date
@@ -38,7 +37,8 @@ from ..formats.columns import AMBIENT, assemble, channel_columns, date_column, t
 from ..formats.labels import likely_columns, parse_header, quantity_of, time_column
 from ..formats.registry import format_of, load, writer_of
 from ..formats.table import ForeignTable, StoredRecording
-from ..quantities import in_si, named_values, with_unit
+from ..quantities import in_si, named_values, told_apart, with_unit
+from ..slips import USUAL_ROOM
 from .force_map import (
     TEXT_QUANTITIES,
     ForceMap,
@@ -102,9 +102,6 @@ class FileReading(NamedTuple):
     columns: tuple[ColumnUse, ...]
     remarks: tuple[str, ...]
     notes: Mapping[str, Any]
-
-
-LOWEST_AMBIENT, HIGHEST_AMBIENT = 0.3e5, 1.5e5  # where people measure: on the highest mountain, in a caisson [Pa]
 
 
 def read(
@@ -190,9 +187,7 @@ def understand(
     **options: JsonValue,
 ) -> FileReading:
     """Read a file as `read` does, and report columns, units, and what was left out and why."""
-    if not isinstance(path, str | os.PathLike):
-        raise InputError("file", None, f"must be the path of a file, got {path!r}")
-    path = Path(path)
+    path = Path(path_text(path))
     if kind not in (None, "map", "recording"):
         raise InputError("kind", kind, known=("map", "recording"))
     for name, mapping in (("columns", columns), ("units", units), ("scales", scales)):
@@ -200,9 +195,9 @@ def understand(
             named_values(mapping, name)
     step = None if period is None else float(in_si(period, "s", field="period"))
     zero, air = float(in_si(pressure_zero, "Pa", field="pressure_zero")), float(in_si(ambient, "Pa", field="ambient"))
-    if not LOWEST_AMBIENT <= air <= HIGHEST_AMBIENT:
-        ends = f"from {with_unit(LOWEST_AMBIENT, 'Pa')} to {with_unit(HIGHEST_AMBIENT, 'Pa')}"
-        raise InputError("ambient", with_unit(air, "Pa"), f"must be the absolute pressure of the room, {ends}")
+    if not USUAL_ROOM[0] <= air <= USUAL_ROOM[1]:
+        got, low, high = told_apart("Pa", air, *USUAL_ROOM)
+        raise InputError("ambient", got, f"must be the absolute pressure of the room, from {low} to {high}")
     rest = None if rest_length is None else float(in_si(rest_length, "m", field="rest_length"))
     of_map: dict[str, Any] = {
         "columns": columns, "units": units, "rest_length": rest, "branch": branch, "pressure_zero": zero, "ambient": air,
@@ -340,7 +335,9 @@ def read_recording(path: str | Path | Recording) -> Recording:
     """
     if isinstance(path, Recording):
         return path
-    path = Path(path)
+    path = Path(path_text(path, "recording"))
+    if not path.is_file():
+        raise no_file(path)
     if path.suffix.lower() not in RECORDINGS:
         raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
     # A log that is damaged where it says that it is one still has its samples.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..documents import JsonValue, write_text
+from ..documents import JsonValue, path_text, write_text
 from ..errors import InputError
 from ..extras import library
 from ..formats.columns import AMBIENT, column_numbers, table_labels, without_blank_rows, without_common_prefix
@@ -255,7 +255,7 @@ def read_force_map(
     """
     of_map: dict[str, Any] = {"columns": columns, "units": units, "rest_length": rest_length, "branch": branch}
     of_map |= {"pressure_zero": pressure_zero, "ambient": ambient}
-    return map_and_table(Path(path), of_map, pressure, length_zero, options)[0]
+    return map_and_table(Path(path_text(path)), of_map, pressure, length_zero, options)[0]
 
 
 def map_and_table(
@@ -451,6 +451,11 @@ def map_of_table(
     points = ForceMap(name=path.name, remarks=(*table.remarks, *remarks), **data)
     points = _keep_branch(points, branch, where)
     _check_direction(points, where)
+    pushes = points.tension < -PUSHED * points.tension.max()
+    if pushes.any():
+        most = with_unit(-float(points.tension.min()), "N")
+        said = f"{int(pushes.sum())} of {len(pushes)} rows push, with {most} at most, as no muscle can; they count as slack"
+        points = replace(points, remarks=(*points.remarks, said))
     if table.rows is None:  # samples of a recording: those of a hold are alike
         return points
     return replace(points, remarks=(*points.remarks, *_repeated(points)))
@@ -472,6 +477,7 @@ def table_of(path: Path, **options: object) -> ForeignTable:
     return unpivoted(content) if content.rows is not None else even_table(content, str(path))
 
 
+PUSHED = 0.05  # share of the largest tension by which a slack reading may be negative: zeros of cells drift less
 GRAVITY = 9.80665  # standard acceleration of free fall [m/s^2]
 _PRESSURE_IN_LABEL = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s*([a-zA-Z][a-zA-Z/^0-9]*(?:\s?\(?(?:abs|gauge|rel|g)\)?)?)")
 
@@ -739,7 +745,7 @@ def preview_table(path: str | Path, rows: int = 60, **options: JsonValue) -> Tab
     Raises:
         InputError: there is no such file, or it is no table at all.
     """
-    table = table_of(Path(path), **options)
+    table = table_of(Path(path_text(path)), **options)
     header = _checked_header(table, str(path))
     meant = {quantity: match[0] for quantity, match in recognise_columns(header).items() if len(match) == 1}
     if "length" in meant:

@@ -26,7 +26,7 @@ from ..assembly.muscle_unit import MuscleUnit
 from ..components import Environment
 from ..components.flow import FlowElement
 from ..errors import InputError
-from ..muscles.plausible import LEAST_PRESSURE, argument_cautions, pressure_caution
+from ..muscles.plausible import LEAST_PRESSURE, argument_cautions, pressure_caution, room_caution
 from ..pneumatics.build import build_element, valve_from_specimen
 from ..pneumatics.circuit import Circuit
 from ..pneumatics.orifice import Orifice
@@ -185,7 +185,7 @@ class Air(Stated):
 
     def _cautions(self, supply: float) -> tuple[Caution, ...]:
         """What can hardly be meant, among it a supply that inflates nothing."""
-        said: list[Caution | None] = list(argument_cautions(self))
+        said: list[Caution | None] = [*argument_cautions(self), room_caution(self.environment or Environment())]
         if supply <= 0.0:
             said.append(Caution(f"a supply of {with_unit(supply, 'Pa')} inflates no muscle", "supply"))
         elif not any(one is not None and one.parameter == "supply" for one in said):

@@ -23,7 +23,7 @@ from ..assembly.machine import Machine
 from ..components import paths
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError
-from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude
+from ..estimation import Descent, Estimate, Estimation, Parameter, Search, at_bounds, bounds_of, conclude, misfit
 from ..quantities import Quantity, named_values, whole_number, with_unit
 from ..recordings.recording import Recording
 from ..slips import likely_unit, size_caution
@@ -532,6 +532,8 @@ def fit(
         unit = described(dict(simulation.plant.shown)[name])[0]
         for which in (True, False):
             some = error[(shown == which) & np.isfinite(record[channel])]
+            if which:
+                said += map(Caution, misfit(name, record[channel][shown & np.isfinite(record[channel])], some))
             if some.size:
                 errors.append(FieldError(name, unit, which, some.size, _rms(some), float(np.abs(some).max())))
     rest = known.correlation, best.converged, best.message, comparison.runs, collect(*said)

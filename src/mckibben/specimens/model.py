@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import recordings
-from ..documents import JsonValue, parse_toml, read_text
+from ..documents import JsonValue, parse_toml, path_text, read_text
 from ..errors import InputError, not_found
 from ..quantities import to_si
 from ..registry import with_own_references
@@ -258,14 +258,9 @@ def specimen(name: str | os.PathLike[str], *, kinds: Sequence[str] = KINDS) -> S
         >>> mk.specimen("nylon").title
         'Nylon shell muscle of Chou and Hannaford'
     """
-    if not isinstance(name, str | os.PathLike):
-        raise InputError("specimen", None, f"must be an id or the path of a .toml file, got {name!r}")
-    text = os.fspath(name)
+    text = path_text(name, "specimen")
     if text.lower().endswith(".toml") or os.sep in text:
-        path = Path(text)
-        if not path.is_file():
-            raise not_found(text, "specimen file")
-        return _read(read_text(path), where=str(path))
+        return _read(read_text(text, field="specimen"), where=text)
     if not os.environ.get(FOLDER_VARIABLE):
         alone = _shipped(text.lower())
         if alone is not None:

@@ -483,7 +483,8 @@ def fit_circuit_file(
         progress=progress,
     )
     samples = result.posterior(first, step=plan.step, draws=draws) if posterior else None
-    said = collect(*plan.cautions, *(one for _, cautions in loaded for one in cautions))
+    missed = (Caution(one) for one in result.warnings if one.startswith("the model does not describe"))
+    said = collect(*plan.cautions, *(one for _, cautions in loaded for one in cautions), *missed)
     return FittedCircuit(result, trials, plan.title, samples, said)
 
 

@@ -15,6 +15,7 @@ from ..hardware.converters import SPAN
 from ..prepare import PreparedRun, RunSegment
 from ..sample_loop import SampledMachine, SampleLoop, played
 from ..segment import Chunk
+from ..software.interlocks import SPAN_TOLERANCE
 from ..software.loop import BenchSoftware
 from .interface import MachineSession
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 EXACT = 1e-6  # of the allowed range, within which the machine's own set-point is the one asked for
 NEAR = 0.01  # of the allowed range, within which a pressure or a tension is there
-CLOSE = 3e-4  # within which a span is there [m]
 LONG = 5.0  # time for the rest of a way once its set-point moves no more [s]
 SETTLE = 0.2  # time between the way and the run [s]
 LOOK = 0.05  # time between two looks at the way [s]
@@ -48,7 +48,7 @@ class Arrival:
     def arrived(self) -> bool:
         """Look at the newest sample, `LOOK` after the last time, and say whether all is there."""
         at, ranges = self.session.latest(), self._ranges
-        near = {n: {"span": CLOSE, "velocity": np.inf}.get(n, NEAR * ranges[n]) for n in self.goals}
+        near = {n: {"span": SPAN_TOLERANCE, "velocity": np.inf}.get(n, NEAR * ranges[n]) for n in self.goals}
         self.apart = [n for n, goal in self.goals.items() if abs(at.get(n, goal) - goal) > near[n]]
         asked = {n: at[f"command.{n}"] for n in self.goals}
         exact = all(abs(asked[n] - goal) <= EXACT * ranges[n] for n, goal in self.goals.items())

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from ..._jax import Tree, jnp
 from ...components import Module, Scalar, field
 from ...components.system import SENSORS
-from ...quantities import quantity, with_unit
+from ...quantities import quantity, told_apart, with_unit
 
 
 def stop_sentence(stop: Callable[[], bool], when: float) -> str:
@@ -86,6 +86,9 @@ class EmergencyStop:
 
 ASKED = 0.1  # share of the valve's range above which a pressure must show
 NOTHING_READ = 0.02  # share of it below which there is none
+SPAN_TOLERANCE = (
+    3e-4  # within which a machine holds a span, so that one at the end of the frame may be this far beyond [m]
+)
 FULL = 0.999  # share of the motor's force from which it counts as full
 UNBALANCED = 0.5  # share of the motor's force that no tension balances: then something must move
 _DONE = "stopped and vented"
@@ -330,7 +333,8 @@ def _value(x: Scalar | None, unit: str) -> str:
 
 
 def _over(label: str, x: Scalar | None, unit: str, limit: Scalar, side: str = "or less") -> str:
-    return f"the {label} is {_value(x, unit)}; it must be {with_unit(float(limit), unit)} {side}"
+    reads, most = ("unknown", with_unit(float(limit), unit)) if x is None else told_apart(unit, float(x), float(limit))
+    return f"the {label} is {reads}; it must be {most} {side}"
 
 
 def _doubtful(label: str, x: float | None, unit: str, rail: Any, floor: Any, patience: Any) -> str | None:

@@ -7,6 +7,7 @@ notebook that ends a cell with the axes, and is saved by ``ax.figure.savefig``; 
 from __future__ import annotations
 
 import html
+import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ...analysis.segments import segments
+from ...documents import path_text
 from ...errors import InputError
 from ...muscles import Muscle
 from ...quantities import from_si, in_si, shown_unit, values_in_si
@@ -302,11 +304,16 @@ def plot_loops(
         >>> [text.get_text() for text in mk.plot_loops([slow, fast]).texts[1:]]
         ['1 Hz', '2 Hz']
     """
-    if isinstance(recordings, str | Path):
-        loops, x, y = analysis_figures.loops_of_sweep(recordings, across=across, channel=channel)
+    if isinstance(recordings, str | os.PathLike):
+        folder = Path(path_text(recordings, "recordings"))
+        loops, x, y = analysis_figures.loops_of_sweep(folder, across=across, channel=channel)
     else:
-        if not recordings:
-            raise InputError("recordings", None, "must be one or more")
+        if not (
+            isinstance(recordings, Sequence) and recordings and all(isinstance(one, Recording) for one in recordings)
+        ):
+            raise InputError(
+                "recordings", None, f"must be recordings, one or more, or a sweep's folder, got {recordings!r}"
+            )
         loops, x, y = analysis_figures.loops_of_recordings(recordings, across=across, channel=channel, words=words)
         title = title or str(recordings[0].meta.get("title", ""))
     return shown(analysis_figures.swept_loops_figure(loops, x, y, title=title))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from ..._lazy import LazyModule
 from ...accessors import Accessor, implementation
 from ...answers import Answer, Caution, Column, Table, collect
 from ...documents import JsonValue
-from ...errors import InputError
+from ...errors import InputError, each_once
 from ...extras import library
 from ...muscles import Muscle
 from ...muscles.evidence import law_cautions
@@ -181,6 +182,8 @@ def compare(
     said = collect(*(one for s in braided for one in _cautions(s, full, typed(pressure))))
     target = None if match is None else _target(match, subjects)
     columns = [law_column(s) for s in subjects] + [column_of(file) for file in recordings]
+    names = _apart(one.name for one in columns)
+    columns = [one._replace(name=name) for one, name in zip(columns, names, strict=True)]
     if not columns:
         raise InputError("muscles", None, "are missing: a specimen's id or file, or a recording")
     done: list[Trials] = []
@@ -212,19 +215,27 @@ def _subjects(
     for one in muscles:
         if not isinstance(one, (*single, Iterable)):
             raise InputError("muscles", None, f"must be names of muscles, files or muscles, got {one!r}")
-    listed = [one for m in muscles for one in ([m] if isinstance(m, single) else m)]
+    listed = each_once("muscles", (one for m in muscles for one in ([m] if isinstance(m, single) else m)))
     read = [muscle_specimen(one) if isinstance(one, str | os.PathLike) else one for one in listed]
     laws = dict.fromkeys(name for one in read if isinstance(one, Specimen) for name in one.laws)
     if law is not None and law not in laws:
         raise InputError("law", law, f"the muscles state {', '.join(laws) or 'no law'}")
     subjects = []
     for one in read:
-        if isinstance(one, ComparedMuscle):
-            subjects.append(one)
-        else:
+        if not isinstance(one, ComparedMuscle):
             chosen = law if isinstance(one, Specimen) and law in one.laws else None
-            subjects.append(subject(one, pressure=pressure, law=chosen))
-    return subjects
+            one = subject(one, pressure=pressure, law=chosen)
+        subjects.append(one)
+    specs = [
+        dataclasses.replace(s.spec, id=name) for s, name in zip(subjects, _apart(s.id for s in subjects), strict=True)
+    ]
+    return [dataclasses.replace(s, spec=spec) for s, spec in zip(subjects, specs, strict=True)]
+
+
+def _apart(names: Iterable[str]) -> list[str]:
+    """Names told apart: that of a muscle and the same with other numbers, or of files of two folders, ends in -2."""
+    listed = list(names)
+    return [f"{one}-{n}" if (n := listed[: i + 1].count(one)) > 1 else one for i, one in enumerate(listed)]
 
 
 def _cautions(subject: ComparedMuscle, pressure: float, text: str | None) -> tuple[Caution, ...]:

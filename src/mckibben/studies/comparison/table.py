@@ -26,6 +26,7 @@ from ...analysis.shortening import ShorteningPower, power_density, shortening_po
 from ...answers import brief
 from ...assembly.build import rig_unit
 from ...assembly.muscle_unit import MuscleUnit
+from ...documents import path_text
 from ...errors import InputError, NoVolumeError, choice
 from ...muscles import Muscle
 from ...muscles.biological import BiologicalMuscle
@@ -362,7 +363,7 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
     if isinstance(file, Recording):
         record, where = file, str(file.meta.get("title", "recording"))
     else:
-        record, where = read_recording(Path(file)), str(file)
+        record, where = read_recording(Path(path_text(file, "recordings"))), str(file)
     title = name or (where if isinstance(file, Recording) else Path(file).stem)
     try:
         return _column(record, title)

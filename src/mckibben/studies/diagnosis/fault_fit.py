@@ -16,7 +16,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +29,7 @@ from ...bench.recorder import ASKED
 from ...bench.rig import DRIFT, Plumbing, Rig, RigFaults
 from ...bench.rig_file import read_rig
 from ...bench.rig_file import rig as rig_of
-from ...documents import JsonValue, path_text
+from ...documents import JsonValue
 from ...errors import InputError
 from ...estimation import NORMAL_QUANTILE, Estimate, akaike, descend_in_lanes, widening
 from ...muscles import Muscle
@@ -397,7 +396,7 @@ def diagnose(
         >>> mk.diagnose(mk.run("work-loop", leaking, muscle="nylon", cycles=2)).fault
         'leak'
     """
-    record = recording if isinstance(recording, Recording) else read_recording(Path(path_text(recording, "recording")))
+    record = read_recording(recording)
     where = None if isinstance(recording, Recording) else str(recording)
     _check_stated(record, rig, muscle, plumbing, where)
     try:
