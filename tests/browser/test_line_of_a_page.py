@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 import sys
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -52,6 +53,23 @@ def hear(line, *messages, answers=0):
         heard.cancel()
 
     completed(asyncio.wait_for(go(), 30.0))
+
+
+def test_what_a_page_asks_for_is_done_in_its_order_and_a_stop_waits_for_none_of_it(page):
+    """Of two values that are typed one after the other the later one counts, however long the first one takes."""
+    done, stopped = [], threading.Event()
+
+    def act(name, action, words):
+        if action == "value 1":
+            assert stopped.wait(10.0)
+        done.append(action)
+        if action == "stop":
+            stopped.set()
+        return {"ok": True, "said": action}
+
+    page.workspace.act = act
+    hear(page, *({"id": i, "act": one} for i, one in enumerate(("value 1", "value 2", "stop"))), answers=3)
+    assert done == ["stop", "value 1", "value 2"]
 
 
 @pytest.mark.parametrize(

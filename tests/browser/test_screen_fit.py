@@ -9,6 +9,9 @@ import sys
 from importlib import resources
 
 import pytest
+from screen_server import says
+
+from mckibben.muscles.laws import LAWS
 
 MAP = resources.files("mckibben.specimens") / "maps" / "DMSP-20-300_force_map.csv"
 FEW = "ideal,linear_threshold"  # two laws that are soon fitted
@@ -161,6 +164,23 @@ def test_a_broken_or_foreign_file_is_refused_with_a_sentence(visit, tmp_path, na
     page.set_input_files("input[type=file]", {"name": name, "mimeType": "text/plain", "buffer": data})
     page.wait_for_selector(f".fit .err:has-text({json.dumps(said)})", timeout=60_000)
     assert page.locator("img").count() == 0
+
+
+@pytest.mark.slow
+def test_until_the_last_law_is_fitted_rows_stand_where_they_came_and_none_has_a_place(visit, table, served):
+    shutil.copytree(table.parent, served.folder / "uploads", dirs_exist_ok=True)
+    page = visit("/fit?table=map.csv&rest=29.8+cm")
+    shown = """() => { const rows = [...document.querySelectorAll('.rank tr.pick')]
+        const of = n => rows.map(r => r.children[n < 0 ? r.children.length - 1 : n].innerText)
+        return document.querySelector('.going') && rows.length > 2 ? { laws: rows.map(r => r.dataset.law), places: of(0),
+            distances: of(-1), said: document.querySelector('#preliminary').innerText } : null }"""
+    seen = page.wait_for_function(shown, timeout=LONG).json_value()
+    assert seen["laws"] == [law for law in LAWS if law in seen["laws"]]  # as they are listed, and fitted
+    assert {*seen["places"], *seen["distances"]} == {"\N{EN DASH}"}
+    assert re.fullmatch(rf"Preliminary: \d+ of {len(LAWS)} laws are fitted; .*", seen["said"])
+    page.get_by_role("button", name="Stop fitting").click()
+    says(page, "#preliminary", "Stopped: the places are those of")
+    assert page.locator(".rank tr.pick td:first-child").first.inner_text() == "1"
 
 
 def test_work_can_be_stopped_and_what_is_done_stays(visit, table, served):

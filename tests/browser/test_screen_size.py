@@ -1,13 +1,19 @@
 """The page Size in a real Chromium: the answer of the command, what is refused, and links that hold the question."""
 
+import asyncio
+import threading
 from urllib.parse import quote
 
 import pytest
 from screen_server import says
 
-from mckibben.errors import InputError
+from loops import completed
+from mckibben.errors import InputError, MckibbenError
 from mckibben.studies.sizing import size
-from mckibben.web.pages.size import FIELDS, LINKED, ROWS, SizeQuestion, answer, from_link
+from mckibben.web.elements import PageDocument
+from mckibben.web.pages import size as size_page
+from mckibben.web.pages.size import FIELDS, LINKED, ROWS, SizePage, SizeQuestion, answer, from_link
+from mckibben.web.widgets import box
 
 ASKED = {"force": "35 N", "stroke": "2.8 cm", "battery": "100 Wh", "muscle": "nylon", "lines": "no"}
 LONG = 60_000  # a slow machine compiles meanwhile [ms]
@@ -108,6 +114,38 @@ def test_a_link_is_the_question_and_the_question_is_a_link():
     assert from_link(link) == question and link["force"] == "none"
     assert question.arguments()["force"] is None and question.arguments()["lines"] is False
     assert from_link({"load": "3 kg"}).arguments()["force"] is None  # nobody gave the usual one
+
+
+def test_a_question_that_was_changed_is_given_up_and_one_line_tells_of_the_newest(monkeypatch):
+    """What nobody waits for any more takes no processor from what somebody does."""
+    begun, changed, answered = threading.Event(), threading.Event(), []
+
+    def slow(question, progress):
+        progress("braids")
+        if question.stroke == "3 cm":
+            begun.set()
+            assert changed.wait(10.0)
+        progress("specimens")
+        answered.append(question.stroke)
+        raise MckibbenError("there is no answer here")
+
+    monkeypatch.setattr(size_page, "answer", slow)
+
+    async def go():
+        document = PageDocument()
+        with document.root:
+            page = SizePage(None, {}, box("div"), box("div"))
+            first = asyncio.ensure_future(page.show())
+            assert await asyncio.to_thread(begun.wait, 10.0)
+            page._take("stroke", "4 cm")
+            second = asyncio.ensure_future(page._find())
+            await asyncio.sleep(0)
+            assert document.root.html().count('class="loading') == 1
+            changed.set()
+            await asyncio.gather(first, second)
+
+    completed(go())
+    assert answered == ["4 cm"]
 
 
 def test_a_force_beside_a_mass_is_refused_as_on_the_command_line():

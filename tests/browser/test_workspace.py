@@ -7,6 +7,7 @@ import os
 import socket
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from mckibben.errors import InputError
 from mckibben.experiments.read import protocol_names, shipped
 from mckibben.muscles import braid
 from mckibben.quantities import Quantity
+from mckibben.recordings import Channel, Note, Recording, read_recording
+from mckibben.web import shelf as shelf_module
 from mckibben.web.bench.chosen import braid_table
 from mckibben.web.bench.machine import Bench as MachineOfServer
 from mckibben.web.bench.machine import RunController
@@ -28,6 +31,7 @@ from mckibben.web.forms import accept, refusal, shown
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
 from mckibben.web.live import KEPT as KEPT_PAGES
 from mckibben.web.live import PageConnection, PageRegistry
+from mckibben.web.pages.recordings import jobs as recording_jobs
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
 from mckibben.web.stream import CHANNELS, HEAD, Stream
@@ -189,6 +193,93 @@ def test_two_ways_back_that_are_asked_for_at_once_lead_back_two_changes(tmp_path
     first.join(), second.join()
     assert bench.chosen.spec.id == "nylon"
     bench.close()
+
+
+def both_at_once(first, second, begun):
+    """Begin a second action while the first one is under way, and wait for both; `begun` is set within the first."""
+    threads = [threading.Thread(target=one) for one in (first, second)]
+    threads[0].start()
+    assert begun.wait(10.0)
+    threads[1].start()
+    for thread in threads:
+        thread.join(20.0)
+        assert not thread.is_alive()
+
+
+def test_a_start_waits_for_a_change_that_is_being_made_and_is_of_what_it_chose(tmp_path, monkeypatch):
+    bench = Workspace(tmp_path, MachineOfServer).machine
+    begun, seen = threading.Event(), []
+    monkeypatch.setattr(bench.chosen, "_make", lambda *_: None)  # dry runs, which are not asked for here
+    monkeypatch.setattr(bench, "_open_again", lambda: (begun.set(), time.sleep(0.3), seen.append("machine")))
+
+    def passed():
+        seen.append(bench.chosen.spec.id)
+        raise InputError("start", None, "must wait for the dry run")
+
+    monkeypatch.setattr(bench.chosen, "passed", passed)
+
+    def start():
+        with pytest.raises(InputError, match="wait for the dry run"):
+            bench.start()
+
+    both_at_once(lambda: bench.actions()["muscle"]("bridgestone"), start, begun)
+    assert seen == ["machine", "bridgestone"]  # not between the choice of a muscle and that of its machine
+    bench.close()
+
+
+def test_two_undos_that_are_asked_for_at_once_undo_the_two_newest_actions(workspace):
+    """Of the bench and of all pages: which is the newest is known when the one before is undone."""
+    undone, begun, machine = [], threading.Event(), workspace.machine
+    workspace.control.join("a")
+    workspace.toasts.tell("Deleted x.", undo=lambda: undone.append("toast"))
+
+    def undo():
+        begun.set()
+        time.sleep(0.3)
+        undone.append("bench")
+        type(machine).changed_at = -1.0
+        return "muscle"
+
+    machine.undo = undo
+    type(machine).changed_at = workspace.clock.now + 1.0
+    both_at_once(*[lambda: workspace.act("a", "undo", {"bench": True})] * 2, begun)
+    assert undone == ["bench", "toast"]
+
+
+def test_two_files_that_are_stored_at_once_under_one_name_are_both_kept(tmp_path, monkeypatch):
+    shelf, begun, write_whole = Shelf(tmp_path / "shelf", (".nc",)), threading.Event(), shelf_module.write_whole
+
+    def slow(path, write):
+        begun.set()
+        time.sleep(0.3)
+        return write_whole(path, write)
+
+    monkeypatch.setattr(shelf_module, "write_whole", slow)
+    both_at_once(lambda: shelf.store("a.nc", b"one"), lambda: shelf.store("a.nc", b"other"), begun)
+    assert {p.name: p.read_bytes() for p in shelf.folder.iterdir()} == {"a.nc": b"one", "a-2.nc": b"other"}
+
+
+def test_two_notes_that_are_added_at_once_stay_and_undo_takes_its_own(tmp_path, monkeypatch):
+    shelf, begun, write = Shelf(tmp_path / "shelf", (".nc",)), threading.Event(), recording_jobs.write
+    record = Recording(np.arange(100.0), {"tension": Channel(np.arange(100.0), "N")})
+    record.save(shelf.ready() / "a.nc")
+
+    def slow(*given):
+        begun.set()
+        time.sleep(0.3)
+        return write(*given)
+
+    monkeypatch.setattr(recording_jobs, "write", slow)
+
+    def note(time, words):
+        return lambda: recording_jobs.rewritten(shelf, "a.nc", lambda record: record.with_note(time, words))
+
+    both_at_once(note(1.0, "one"), note(2.0, "other"), begun)
+    recording_jobs.rewritten(shelf, "a.nc", lambda record: record.without_note(Note(1.0, "one")))
+    assert read_recording(shelf.path("a.nc")).notes == [Note(2.0, "other")]
+    shelf.delete("a.nc")
+    with pytest.raises(InputError, match="not found"):  # an answer, as of an undo that comes too late
+        note(3.0, "late")()
 
 
 @pytest.mark.parametrize("name", BAD)

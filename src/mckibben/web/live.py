@@ -146,6 +146,9 @@ class PageConnection:
         self.stream = False
         self._seen, self._told = (0, 0), 0
         self._moving, self._stops, self._acts = False, 0, 0
+        self._turn = (
+            asyncio.Lock()
+        )  # what a page asks for is done in the order in which it asks; stops wait for nothing
         self._kept: dict[str, Any] = {}
 
     def remember(self, hello: dict[str, JsonValue]) -> None:
@@ -174,8 +177,7 @@ class PageConnection:
             await self.socket.close(code, reason)
 
     async def _hear(self) -> None:
-        loop = asyncio.get_running_loop()
-        tasks: set[asyncio.Task[None]] = set()
+        loop, tasks = asyncio.get_running_loop(), set[asyncio.Task[None]]()
         budget, last = BURST, loop.time()
         while True:
             text = await self.socket.receive_text()
@@ -200,14 +202,16 @@ class PageConnection:
                 continue
             self._stops += stops
             self._acts += not stops
-            future = loop.run_in_executor(_STOPS if stops else _ACTS, self.workspace.act, self.page, action, arguments)
-            task = asyncio.create_task(self._answer(asked.get("id"), future, stops))
+            task = asyncio.create_task(self._answer(asked.get("id"), action, arguments))
             tasks.add(task)
             task.add_done_callback(tasks.discard)
 
-    async def _answer(self, number: Any, future: Any, stops: bool) -> None:
+    async def _answer(self, number: Any, action: str, arguments: dict[str, JsonValue]) -> None:
+        stops, loop = action in STOPS, asyncio.get_running_loop()
         try:
-            answer = await future
+            async with contextlib.nullcontext() if stops else self._turn:
+                threads = _STOPS if stops else _ACTS
+                answer = await loop.run_in_executor(threads, self.workspace.act, self.page, action, arguments)
             await self._send({"type": "answer", "id": number, **answer})
         finally:  # with its answer taken, so that who reads none cannot have any number of them made
             self._stops -= stops

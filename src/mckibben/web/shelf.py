@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import filecmp
 import re
 import secrets
@@ -9,7 +10,7 @@ import shutil
 import threading
 import unicodedata
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,7 +27,7 @@ _TRASH = ".deleted"
 
 
 class Shelf:
-    """A folder of files, created with the first file.
+    """A folder of files, created with the first file; several threads may store, rename and restore at once.
 
     Args:
         folder: where it is.
@@ -35,6 +36,7 @@ class Shelf:
 
     def __init__(self, folder: Path, endings: Iterable[str]) -> None:
         self.folder, self.endings = Path(folder).absolute(), tuple(endings)
+        self._lock = threading.RLock()  # from the choice of a name until its file is there
 
     def names(self) -> list[str]:
         """Names of all files, the newest first."""
@@ -79,15 +81,17 @@ class Shelf:
         self.path(name)
         return name
 
-    def free(self, name: str) -> str:
-        """The name, or a similar unused one."""
+    @contextlib.contextmanager
+    def free(self, name: str) -> Iterator[Path]:
+        """Path of the name, or of a similar unused one, which nobody else takes while the file is made."""
         path = self.path(name)
         stem, ending = path.stem, path.suffix
-        for number in range(2, 10_000):
-            if not path.exists():
-                break
-            path = path.with_name(f"{stem}-{number}{ending}")
-        return path.name
+        with self._lock:
+            for number in range(2, 10_000):
+                if not path.exists():
+                    break
+                path = path.with_name(f"{stem}-{number}{ending}")
+            yield path
 
     def store(self, name: str, data: bytes | Path, largest: int = LARGEST) -> Path:
         """Store an upload, bytes or a file, under a similar unused name.
@@ -102,22 +106,25 @@ class Shelf:
         def write(part: Path) -> object:
             return shutil.copyfile(data, part) if isinstance(data, Path) else part.write_bytes(data)
 
-        return write_whole(self.path(self.free(name)), write)
+        with self.free(name) as path:
+            return write_whole(path, write)
 
     def store_again(self, name: str, data: Path) -> Path:
         """Store an uploaded file; one of the same name and content is used again."""
         path = self.path(name)
-        return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else self.store(name, data)
+        with self._lock:
+            return path if path.is_file() and filecmp.cmp(path, data, shallow=False) else self.store(name, data)
 
     def store_once(self, name: str, data: bytes) -> Path:
         """Return the file that holds these bytes under this or a similar name, as the newest one; else store it."""
         wanted = self.path(name)
         similar = re.compile(rf"{re.escape(wanted.stem)}(-\d+)?{re.escape(wanted.suffix)}")
-        for path in (self.folder / other for other in self.names() if similar.fullmatch(other)):
-            if path.read_bytes() == data:
-                path.touch()
-                return path
-        return self.store(name, data)
+        with self._lock:
+            for path in (self.folder / other for other in self.names() if similar.fullmatch(other)):
+                if path.read_bytes() == data:
+                    path.touch()
+                    return path
+            return self.store(name, data)
 
     def write_text(self, name: str, words: str) -> None:
         """Write a text file; refused if the name is not allowed."""
@@ -127,28 +134,27 @@ class Shelf:
 
     def rename(self, name: str, to: str) -> Path:
         """Rename a file; its suffix stays."""
-        path, other = self.found(name), self.path(to)
-        if other.exists():
-            raise InputError("file", to, "it is there already")
-        if path.suffix.lower() != other.suffix.lower():
-            raise InputError("file", to, f"must be a name that ends in {path.suffix}")
-        path.rename(other)
-        return other
+        with self._lock:
+            path, other = self.found(name), self.path(to)
+            if other.exists():
+                raise InputError("file", to, "it is there already")
+            if path.suffix.lower() != other.suffix.lower():
+                raise InputError("file", to, f"must be a name that ends in {path.suffix}")
+            return path.rename(other)
 
     def delete(self, name: str) -> str:
         """Move a file away so that `restore` can bring it back; return the token for that."""
-        path = self.found(name)
-        trash = self.folder / _TRASH
-        trash.mkdir(exist_ok=True)
-        word = secrets.token_hex(8)
-        path.rename(trash / f"{word}{path.suffix}")
-        return f"{word}{path.suffix}"
+        with self._lock:
+            path, trash = self.found(name), self.folder / _TRASH
+            trash.mkdir(exist_ok=True)
+            word = f"{secrets.token_hex(8)}{path.suffix}"
+            path.rename(trash / word)
+        return word
 
     def restore(self, word: str, name: str) -> Path:
         """Restore a deleted file, under its name or a similar one."""
-        path = self.path(self.free(name))
-        (self.folder / _TRASH / Path(word).name).rename(path)
-        return path
+        with self.free(name) as path:
+            return (self.folder / _TRASH / Path(word).name).rename(path)
 
     def forget(self, word: str) -> None:
         """Delete a file permanently."""

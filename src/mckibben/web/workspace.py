@@ -313,6 +313,7 @@ class Workspace:
         self.toasts = Toasts(clock)
         self.began = time.time()  # what was saved earlier was saved by another server
         self._version, self._lock = 0, threading.Lock()
+        self._undoing = threading.Lock()  # which action is the newest is asked when the one before is undone
         self._ends: list[Callable[[], None]] = []
         self._told: tuple[tuple[int, int], float, str] | None = None
         self.machine = machine(self)
@@ -443,9 +444,10 @@ class Workspace:
 
     def _undo(self, page: str, number: int | None = None, bench: bool = False) -> str:
         """Undo an action by its number, or the newest: the page Bench asks for its own changes, too."""
-        if bench and number is None and self.control.holds(page) and self.machine.changed_at > self.toasts.newest:
-            return f"undone: {self.machine.undo()}"
-        return f"undone: {self.toasts.undo(number)}"
+        with self._undoing:
+            if bench and number is None and self.control.holds(page) and self.machine.changed_at > self.toasts.newest:
+                return f"undone: {self.machine.undo()}"
+            return f"undone: {self.toasts.undo(number)}"
 
     def _give(self, page: str) -> str:
         if not self.control.give(page):

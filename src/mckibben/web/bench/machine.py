@@ -241,8 +241,8 @@ class Bench:
 
     def start(self) -> str:
         """Begin the protocol, on a machine that is set up again where it begins; a real one is brought there."""
-        prepared = self.chosen.passed()
-        with self._lock:
+        with self._choosing, self._lock:  # of what is chosen now, which a change that was asked for at once may be
+            prepared = self.chosen.passed()
             self._require_idle("start")
             if self.spec is None:
                 self.view.hold(True)
@@ -353,7 +353,7 @@ class Bench:
 
     def reset(self) -> str:
         """Return to manual operation after a stop, vented."""
-        with self._lock:
+        with self._choosing, self._lock:
             if self.running is not None:
                 raise InputError("reset", None, "must wait: the run is being stopped; try again once it has vented")
             if not self.session.why:
@@ -629,8 +629,8 @@ class RunController:
             message = f"Stopped by you at {self.when:.3f} s; the valve vented."
         try:
             shelf.ready()
-            name = self.file if self._crash_log else shelf.free(self.file)
-            record.save(shelf.path(name))
+            with shelf.free(self.file) as path:
+                record.save(path)
             if self._crash_log is not None:
                 self._crash_log.unlink(missing_ok=True)  # all of it is in the recording
         except (MckibbenError, OSError) as error:
@@ -639,11 +639,11 @@ class RunController:
             self._say(said, "stop")
             return None, said
         if why or not self.new_machine:  # the session has said how it ended
-            self._say(f"Recorded as {name}{', up to the stop' if why else ''}.", "done")
+            self._say(f"Recorded as {path.name}{', up to the stop' if why else ''}.", "done")
         else:
             done = record.meta["result"] == "done" or bool(self.stopping)
-            self._say(f"{sentence(message)} Recorded as {name}.", "done" if done else "stop")
-        return name, message
+            self._say(f"{sentence(message)} Recorded as {path.name}.", "done" if done else "stop")
+        return path.name, message
 
     def _say(self, text: str, kind: str = "note") -> None:
         self.bench.messages.say(text, self.when, kind)

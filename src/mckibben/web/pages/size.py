@@ -57,6 +57,7 @@ def build(workspace: Workspace, request: Request) -> None:
     with page_frame("size", sub="Muscle, valve, tube and gas source for a load", sheets=("size.css",)) as bar:
         page = SizePage(workspace, words, bar, box("div", "size"))
         page_document().when_connected(page.show)
+        page_document().on_close(page.leave)
 
 
 # ---- the question
@@ -302,6 +303,10 @@ class SizePage:
         self.number = 0  # of the newest question
         self.fields: dict[str, InputField] = {}
 
+    def leave(self) -> None:
+        """Give up the question that is being answered, as the page is closed."""
+        self.number += 1
+
     async def show(self) -> None:
         """Build the page, and answer the question of the link."""
         with self.bar:
@@ -367,10 +372,17 @@ class SizePage:
         words = ["Sizing"]
         link(**question.link())
         self._refuse("", "")
+        self.status.clear()
         with self.status, loading(words[0]):
             progress = text("span", "", "size-progress")
         self.result.classed("old", True)
-        job = asyncio.ensure_future(asyncio.to_thread(answer, question, words.append))
+
+        def told(stage: str) -> None:
+            if number != self.number:  # nobody waits for it, and the newest question needs the processor
+                raise MckibbenError("another question was asked meanwhile")
+            words.append(stage)
+
+        job = asyncio.ensure_future(asyncio.to_thread(answer, question, told))
         try:
             while not (await asyncio.wait({job}, timeout=LOOKS))[0]:
                 if number == self.number:

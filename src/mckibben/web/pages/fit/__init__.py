@@ -81,7 +81,7 @@ class FitPage:
         self.points: ForceMap | None = None
         self._places: dict[str, Element] = {}
         self._counts: dict[str, Element] = {}  # of the parameters of each law
-        self._seen, self._drawn, self._loading = -1, "", 0
+        self._seen, self._drawn, self._loading, self._asking = -1, "", 0, 0
         self.shown = LawPictures(self._places, words.get("view", ""))
 
     # ---- the page
@@ -306,8 +306,10 @@ class FitPage:
         asked, points = self.asked, self.points
         if asked is None or points is None:
             return
-        study = await asyncio.to_thread(self.work.study, asked, points, list(self.laws))
-        if self.asked is not asked or self.points is not points:
+        self._asking += 1
+        mine, laws, running = self._asking, list(self.laws), self.work.running
+        study = await asyncio.to_thread(self.work.study, asked, points, laws)
+        if mine != self._asking or self.asked is not asked or self.points is not points:
             return  # something else was asked for meanwhile
         for one in study.fits:  # as many as the ranking says: what the table states of the muscle is not fitted
             self._counts[one.law].say(f"{len(one.parameters)} parameters")
@@ -323,15 +325,21 @@ class FitPage:
                         text("p", f"{law}: {why}", "small dim")
             return
         chosen = next((f for f in study.fits if f.law == self.law), study.fits[0])
-        laws = [f.law for f in study.fits]
-        now = f"{chosen.law} {laws} {sorted(study.skipped)} {id(self.points)}"
+        now = f"{chosen.law} {[f.law for f in study.fits]} {sorted(study.skipped)} {id(self.points)} {running}"
         if now == self._drawn:
             return
         self._drawn = now
+        done, said = len(study.fits) + len(study.skipped), ""
+        if running:
+            said = f"Preliminary: {done} of {len(laws)} laws are fitted; their places follow with the last one."
+        elif done < len(laws):
+            said = f"Stopped: the places are those of {done} of {len(laws)} laws."
         place.clear()
         with place:
-            text("p", f"Largest measured tension {grouped(study.points.largest, 1)}{THIN}N", "small faint")
-            results.ranking(study, chosen.law, self._pick)
+            with box("p", "small faint"):
+                text("span", f"Largest measured tension {grouped(study.points.largest, 1)}{THIN}N. ")
+                text("b", said).set(id="preliminary")
+            results.ranking(study, chosen.law, self._pick, final=not running)
         for place in (self._places["cautions"], self._places["parameters"]):
             place.clear()
         with self._places["cautions"]:

@@ -152,6 +152,9 @@ class FitJob:
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace, self._stop = workspace, threading.Event()
+        self._lock = (
+            threading.Lock()
+        )  # a fit ends or is stopped: what comes late is not of the table that came meanwhile
         self.fits: dict[str, Fit] = {}
         self.skipped: dict[str, str] = {}
         self.words, self.version, self.running = "", 0, False
@@ -172,7 +175,7 @@ class FitJob:
 
     def start(self, asked: FitRequest, points: ForceMap, laws: Sequence[str]) -> None:
         """Fit the requested laws that are missing, and stop others."""
-        self.stop()
+        self.stop()  # from now on the work before leaves everything as it is
         path = file_of(self._workspace, asked)
         key = (str(path), path.stat().st_mtime_ns, asked)
         if key != self._key:
@@ -189,9 +192,10 @@ class FitJob:
 
     def stop(self) -> None:
         """Stop fitting, and keep the results so far."""
-        self._stop.set()
-        self.running = False
-        self.version += 1
+        with self._lock:
+            self._stop.set()
+            self.running = False
+            self.version += 1
 
     def end(self) -> None:
         """End the work, when the page is closed or the server ends."""
@@ -223,6 +227,7 @@ class FitJob:
             self.words, self._done = words, self._done + 1
             self.version += 1
 
+        failed = ""
         try:
             known = known_values(asked)
             below = parse(asked.below, "Pa", field="train below") if asked.below else None
@@ -235,18 +240,18 @@ class FitJob:
                 except MckibbenError as error:
                     result = str(error)
                 _results.put((key, law), result)
-                if stop.is_set():
-                    return
-                self._take(law, result)
-                self.version += 1
+                with self._lock:
+                    if stop.is_set():
+                        return
+                    self._take(law, result)
+                    self.version += 1
         except _StoppedError:
             return
         except Exception as error:  # only this fit fails; the server and the other pages go on
+            failed = str(error) or type(error).__name__
+        with self._lock:
             if not stop.is_set():
-                self.failed = str(error) or type(error).__name__
-        finally:
-            if not stop.is_set():
-                self.running = False
+                self.failed, self.running = failed, False
                 self.version += 1
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ....documents import JsonValue
 from ....identification import Fit
 from ....identification.ranking import COLUMNS, Ranking, cautions_of
-from ....muscles.laws import law_type
+from ....muscles.laws import LAWS, law_type
 from ....quantities import declared, from_si, shown_unit
 from ....recordings import ForceMap
 from ....report.blocks import unit_text
@@ -27,9 +27,15 @@ from ...widgets import THIN, box, grouped, note, raw, table, text
 HALF = 0.5  # of the value, that the scale of the intervals shows to either side
 
 
-def ranking(study: Ranking, chosen: str, pick: Callable[[str], object]) -> None:
-    """Build the table of laws, best first, and published ones below; a click or Enter picks a row."""
+def ranking(study: Ranking, chosen: str, pick: Callable[[str], object], final: bool) -> None:
+    """Build the table of laws, best first, and published ones below; a click or Enter picks a row.
+
+    Until the last law is fitted rows stand in the order of the laws, without a place or a distance from the best.
+    """
     rows = study.ranked()
+    if not final:
+        order = [*LAWS, *(row["law"] for row in rows)]
+        rows = [row | {"place": "-", "distance": None} for row in sorted(rows, key=lambda row: order.index(row["law"]))]
     widest = max((row["rmse"] for row in rows if math.isfinite(row["rmse"])), default=1.0)
     held = next((f.holdout.what for f in study.fits if f.holdout), "")
     above = [held] if held else []

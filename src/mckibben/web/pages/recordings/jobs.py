@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,10 +17,13 @@ from ....recordings import Recording, read_any, write
 from ....recordings.files import read_log
 from ....report.recording_report import recording_report
 from ...reader import check_rows
+from ...shelf import Shelf
 from ...workspace import UPLOADS, Workspace
+from .listing import whole
 
 FORMATS = {".nc": "netCDF", ".csv": "CSV", ".parquet": "Parquet", ".mat": "MAT", ".mcap": "MCAP", ".tdms": "TDMS"}
 MOST_ROWS = 5_000_000  # of a table that becomes a recording: more than an hour at 1 kHz
+_rewriting = threading.Lock()  # of two notes that are added at once both stay
 
 
 class ImportedFile(NamedTuple):
@@ -144,16 +148,18 @@ def repaired(workspace: Workspace, name: str) -> tuple[str, list[str]]:
         recording = read_log(path)
     except MckibbenError as error:
         raise MckibbenError(str(error).replace(str(path), name)) from None
-    target = workspace.recordings.folder / workspace.recordings.free(f"{path.stem}.nc")
-    recording.recording.save(target)
+    with workspace.recordings.free(f"{path.stem}.nc") as target:
+        recording.recording.save(target)
     return target.name, ["The log was complete."] if recording.whole else recording.remarks
 
 
-def rewritten(path: Path, record: Recording) -> None:
-    """Overwrite a recording's file, but keep its date, so that the list keeps its order."""
-    before = path.stat()
-    write(record, path)
-    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns + 1_000_000))
+def rewritten(shelf: Shelf, name: str, change: Callable[[Recording], Recording]) -> None:
+    """Change a recording as its file has it now, but keep its date, so that the list keeps its order."""
+    with _rewriting:
+        path = shelf.found(name)
+        record, before = change(whole(path)), path.stat()
+        write(record, path)
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns + 1_000_000))
 
 
 def report(path: Path) -> ExportedFile:

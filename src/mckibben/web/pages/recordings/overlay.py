@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import math
 import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -532,35 +533,37 @@ class OverlayPane:
             return
         try:
             at = parse(plain_text(self._time.value), "s", field="time of a note", bare=True)
-            path = self._choice.path(self._file(part))
-            record = await asyncio.to_thread(whole, path)
-            try:
-                new = record.with_note(at + part.begins, self._text.value)
-            except InputError as error:
-                if error.field != "time of a note":
-                    raise
-                low, high = (float(record.time[i]) - part.begins for i in (0, -1))  # on the axis that is shown
-                problem = f"must be between {low:.6g} s and {high:.6g} s, got {at:.6g} s"
-                raise InputError(error.field, None, problem) from None
-            await asyncio.to_thread(jobs.rewritten, path, new)
+            note = Note(at + part.begins, self._text.value.strip())
+
+            def add(record: Recording) -> Recording:
+                try:
+                    return record.with_note(*note)
+                except InputError as error:
+                    if error.field != "time of a note":
+                        raise
+                    low, high = (float(record.time[i]) - part.begins for i in (0, -1))  # on the axis that is shown
+                    problem = f"must be between {low:.6g} s and {high:.6g} s, got {at:.6g} s"
+                    raise InputError(error.field, None, problem) from None
+
+            await self._rewrite(part, f"Added a note to {part.name}.", add, lambda record: record.without_note(note))
         except MckibbenError as error:
             self._dialog.answer(str(error))
-            return
-        self._dialog.close()
-        await self._noted(f"Added a note to {part.name}.", path, record)
 
     async def _remove(self, part: OverlaidPart, note: Note) -> None:
+        def remove(record: Recording) -> Recording:
+            return record.without_note(note)
+
         try:
-            path = self._choice.path(self._file(part))
-            record = await asyncio.to_thread(whole, path)
-            await asyncio.to_thread(jobs.rewritten, path, record.without_note(note))
+            await self._rewrite(part, f"Removed a note of {part.name}.", remove, lambda record: record.with_note(*note))
         except MckibbenError as error:
             tell(str(error))
-            return
-        await self._noted(f"Removed a note of {part.name}.", path, record)
 
-    async def _noted(self, words: str, path: Path, before: Recording) -> None:
-        self._choice.tell(words, lambda: jobs.rewritten(path, before))
+    async def _rewrite(self, part: OverlaidPart, words: str, *changes: Callable[[Recording], Recording]) -> None:
+        """Change the notes of a recording by the first change; Undo makes the second one."""
+        change, back = (functools.partial(jobs.rewritten, self._choice.shelf, self._file(part), one) for one in changes)
+        await asyncio.to_thread(change)
+        self._dialog.close()
+        self._choice.tell(words, back)
         await self.show()
         await self._look()
 

@@ -350,9 +350,9 @@ function pressed (e) {
   if (e.ctrlKey || e.metaKey || e.altKey || inField(e) || document.querySelector('dialog[open]')) return
   if (e.target.closest?.('[data-zooms]') && '+-=0'.includes(e.key) && !e.target.closest('#strips')) return // of a chart, which has the focus
   if (!singles()) return
-  const page = performance.now() - after < 1500 && /^[a-z]$/i.test(e.key) && $(`.tabs a[data-key=${e.key.toLowerCase()}]`)
+  const page = e.timeStamp - after < 1500 && /^[a-z]$/i.test(e.key) && $(`.tabs a[data-key=${e.key.toLowerCase()}]`)
   if (page) { after = -Infinity; location.href = page.href; return }
-  if (e.key.toLowerCase() === 'g') { after = performance.now(); return }
+  if (e.key.toLowerCase() === 'g') { after = e.timeStamp; return } // when it was pressed, however busy the page is
   if (e.key === '?') { help(); return }
   const on = e.target.closest?.('button,a,summary,[role=tab],[role=radio],[role=option],input')
   if (on && (e.key === ' ' || e.key === 'Enter' || e.key.startsWith('Arrow'))) return
