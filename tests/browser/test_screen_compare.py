@@ -1,18 +1,25 @@
 """The comparison: the table of the command line, recordings, links, bad input, a point's value."""
 
+import asyncio
 import csv
+import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from screen_server import says
 
+from loops import completed
 from mckibben.bench.run import run
 from mckibben.recordings import Channel, Recording, read_recording
 from mckibben.specimens import specimen
 from mckibben.studies.comparison import MuscleTable, compare, subject
 from mckibben.studies.comparison.table import PROPERTIES, MuscleColumn, column_of
-from mckibben.web.pages.compare import _short
+from mckibben.web.elements import PageDocument
+from mckibben.web.pages.compare import Compared, ComparePage, _short
 from mckibben.web.pages.compare.drawings import exported
+from mckibben.web.shelf import Shelf
+from mckibben.web.workspace import RECORDINGS
 
 LONG = 180_000  # a law is compiled once [ms]
 
@@ -20,6 +27,7 @@ LONG = 180_000  # a law is compiled once [ms]
 def opened(visit, query, **options):
     page = visit(f"/compare?{query}", **options)
     page.wait_for_selector(".cmp .r", timeout=LONG)
+    page.wait_for_function("!document.querySelector('.cmp .loading')", timeout=LONG)  # columns come one by one
     return page
 
 
@@ -43,6 +51,34 @@ def test_the_exported_table_is_that_of_the_command_line_to_the_last_digit(visit)
 def test_two_biological_muscles_are_told_apart_by_their_fibres():
     titles = [specimen(name).title for name in ("fast-fibre", "slow-fibre", "nylon")]
     assert [_short(title) for title in titles] == ["Fast fibres", "Slow fibres", "Nylon shell muscle"]
+
+
+def test_a_column_is_shown_as_soon_as_it_is_there_beside_those_that_are_not(monkeypatch, tmp_path):
+    begun, may_end = threading.Event(), threading.Event()
+
+    def column(page, name):
+        if name == "fiberglass":
+            begun.set()
+            assert may_end.wait(20.0)
+        return Compared(name, said=f"{name} is refused")
+
+    monkeypatch.setattr(ComparePage, "_by_law", column)
+    workspace = SimpleNamespace(recordings=Shelf(tmp_path, RECORDINGS), specimens=Shelf(tmp_path, (".toml",)))
+
+    async def go():
+        document = PageDocument()
+        with document.root:
+            page = ComparePage(workspace, {"muscles": "nylon,fiberglass"})
+            page.build()
+            assert await asyncio.to_thread(begun.wait, 20.0)
+            shown = page.main.html()
+            assert shown.count("nylon is refused") == shown.count("Computing") == 1 and ">fiberglass<" in shown
+            may_end.set()
+            while page.table is None:
+                await asyncio.sleep(0.01)
+            assert "Computing" not in page.main.html()
+
+    completed(asyncio.wait_for(go(), 60.0))
 
 
 def test_no_name_becomes_a_formula_of_a_spreadsheet():

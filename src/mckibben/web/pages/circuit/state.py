@@ -120,13 +120,12 @@ class CircuitState:
 
     def quick(self, wait: bool = False) -> CircuitAnswer:
         """Response by kernels; of tube models and longer runs only compiled ones, or all of them with `wait`."""
-        document, plan, node = self.document, self.plan, self.read
+        document, plan, node, methods = self.document, self.plan, self.read, self.methods
         done = respond(plan, self.method)
-        self.method = done.method
         record = response.recording(plan, done.outputs)
         numbers = response.measured(plan, record, node, self.flows[0])
-        numbers, later = response.settled(plan, numbers, node, self.method, wait)
-        others, waits = self._others(document, plan, node, wait)
+        numbers, later = response.settled(plan, numbers, node, done.method, wait)
+        others, waits = self._others(document, plan, node, methods, wait)
         return CircuitAnswer(record, numbers, others, waits or later, done)
 
     def compiled(self) -> bool:
@@ -134,7 +133,7 @@ class CircuitState:
         return ready(self.plan, self.method)
 
     def _others(
-        self, document: Document, plan: CircuitPlan, node: str, wait: bool
+        self, document: Document, plan: CircuitPlan, node: str, methods: dict[str, IntegrationMethod], wait: bool
     ) -> tuple[dict[str, np.ndarray], bool]:
         tube = response.first_tube(plan, self.chosen)
         pressures, waits = {}, False
@@ -144,11 +143,11 @@ class CircuitState:
                 continue
             try:
                 other = planned(response.with_model(document, plan, tube, kind))
-                if not wait and not ready(other, self.methods.get(kind)):
+                if not wait and not ready(other, methods.get(kind)):
                     waits = True
                     continue
-                done = respond(other, self.methods.get(kind))
-                self.methods[kind] = done.method
+                done = respond(other, methods.get(kind))
+                methods[kind] = done.method
             except MckibbenError:
                 continue
             pressures[kind] = done.outputs[f"{node}.pressure_abs"] - float(plan.environment.pressure_abs)
@@ -185,6 +184,7 @@ async def follow(
         answer = await asyncio.to_thread(desk.quick)
         if number != desk.number:
             return
+        desk.method = answer.done.method  # here, for a late thread knows nothing of a circuit that came meanwhile
         show(answer)
         await asyncio.sleep(0.0)  # the response goes out first
         after(answer)
@@ -192,6 +192,7 @@ async def follow(
             answer = await asyncio.to_thread(desk.quick, True)
             if number != desk.number:
                 return
+            desk.method = answer.done.method
             show(answer)
             after(answer)
         await asyncio.sleep(QUIET)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import html
 import json
 from pathlib import Path
@@ -13,7 +12,7 @@ from ....answers import collect
 from ....errors import InputError, MckibbenError
 from ....muscles.plausible import pressure_caution
 from ....quantities import Quantity, from_si, parse, with_unit
-from ....specimens import specimen, specimens
+from ....specimens import specimen_ids, specimens
 from ....specimens.published import published_ranges
 from ....studies.comparison import FULL_PRESSURE, ComparedMuscle, MuscleColumn, MuscleTable
 from ....verbs import typed
@@ -57,12 +56,13 @@ PRESSURE = Quantity("Pa", (0.0, 1e8), ABOUT, "P", (1e5, 8e5))
 
 
 class Compared(NamedTuple):
-    """A column of the page: the word of the link, its values, the muscle of a law, and why there are no values."""
+    """A column of the page: the word of the link, and what is known by now."""
 
     name: str
-    column: MuscleColumn | None
-    muscle: ComparedMuscle | None
-    said: str = ""
+    column: MuscleColumn | None = None
+    muscle: ComparedMuscle | None = None  # of a law
+    surface: drawings.Surface | None = None
+    said: str = ""  # why there are no values
 
 
 class ComparePage:
@@ -189,25 +189,20 @@ class ComparePage:
             recordings=",".join(self.recordings) if self.values == "recordings" else None,
             pressure=None if self.pressure == FULL_PRESSURE else with_unit(self.pressure, "Pa", 12),
         )
-        if self.table is None:
-            self._wait("", 0)
         self.document.spawn(self._follow(self.number))
-
-    def _wait(self, name: str, done: int) -> None:
-        self.main.clear()
-        with self.main, loading(f"Computing Table 1{': ' if name else ''}{name}", done / max(len(self.muscles), 1)):
-            pass
 
     async def _follow(self, number: int) -> None:
         try:
-            if self.table is None and self.values == "laws":
-                for i, name in enumerate(self.muscles):
-                    self._wait(name, i)
-                    with contextlib.suppress(MckibbenError):  # said in its column
-                        await asyncio.to_thread(self._by_law, name)
+            if self.table is None:  # each column is shown as soon as it is there
+                recorded = self.values == "recordings"
+                columns = [Compared(name) for name in (self.recordings if recorded else self.muscles)]
+                for i, one in enumerate(columns):
+                    self._grid(columns)
+                    if not recorded:
+                        columns[i] = await asyncio.to_thread(self._by_law, one.name)
                     if number != self.number:
                         return
-            columns, surfaces, loops = await asyncio.to_thread(self._computed)
+            columns, loops = await asyncio.to_thread(self._computed)
         except Exception as error:  # the page has to hear of it, whatever it is
             known = isinstance(error, MckibbenError)
             said = str(error) if known else f"the comparison failed: {type(error).__name__}: {str(error)[:200]}"
@@ -215,51 +210,50 @@ class ComparePage:
                 say_refused(self.main, said)
             return
         if number == self.number:
-            self._show(columns, surfaces, loops)
+            self._show(columns, loops)
 
     def _by_law(self, name: str) -> Compared:
-        one = self._subject(name, self.pressure)
-        column = drawings.with_runs(one, drawings.column(one))
-        drawings.over_velocity(one)  # compiled here, not where it is drawn
-        return Compared(name, column, one)
+        """Compute the column of a muscle, or the reason why there is none."""
+        try:
+            one = self._subject(name, self.pressure)
+            column = drawings.with_runs(one, drawings.column(one))
+            drawings.over_velocity(one)  # compiled here, not where it is drawn
+            return Compared(name, column, one, drawings.surface(one))
+        except MckibbenError as error:
+            return Compared(name, said=str(error))
 
-    def _computed(self) -> tuple[list[Compared], dict[str, drawings.Surface | None], dict[str, drawings.Loop]]:
-        """Compute every column with its muscle, or the reason why there is none; surfaces and recorded loops."""
+    def _computed(self) -> tuple[list[Compared], dict[str, drawings.Loop]]:
+        """Compute every column, and recorded loops."""
         columns, loops, recorded = [], {}, self.values == "recordings"
         for name in self.recordings if recorded else ():
             try:
                 path = self.workspace.recordings.found(name)
                 loops[name] = drawings.loop_of(path)
-                columns.append(Compared(name, drawings.column_of_recording(path), None))
+                columns.append(Compared(name, drawings.column_of_recording(path)))
             except MckibbenError as error:
                 said = str(error).replace(f"{self.workspace.recordings.folder}/", "")
-                columns.append(Compared(name, None, None, said))
-        for name in self.muscles:
-            try:
-                if not recorded or not name.endswith(".toml") and specimen(name).kind == "biological":
-                    columns.append(self._by_law(name))
-            except MckibbenError as error:
-                columns.append(Compared(name, None, None, str(error)))
-        return columns, {one.name: drawings.surface(one.muscle) for one in columns if one.muscle is not None}, loops
+                columns.append(Compared(name, said=said))
+        braided = specimen_ids("mckibben")  # whose recordings stand there instead
+        names = [n for n in self.muscles if not recorded or n not in braided and not n.endswith(".toml")]
+        return columns + [self._by_law(name) for name in names], loops
 
     # ---- what is shown
 
-    def _show(
-        self,
-        columns: list[Compared],
-        surfaces: dict[str, drawings.Surface | None],
-        loops: dict[str, drawings.Loop],
-    ) -> None:
+    def _grid(self, columns: list[Compared]) -> MuscleTable:
         self.main.clear()
-        self.table = MuscleTable(tuple(one.column for one in columns if one.column is not None), published_ranges())
+        table = MuscleTable(tuple(one.column for one in columns if one.column is not None), published_ranges())
         with self.main:
             if columns:
-                ComparisonGrid(self, self.table, columns).show(surfaces)
+                ComparisonGrid(self, table, columns).show()
             elif self.values == "recordings":
                 words = "No recordings yet. Start a run on the bench, or drop a file on Recordings."
                 empty(words, "Go to the bench", "/")
             else:
                 empty("No muscles to compare.", "Add muscle", lambda: choose_column(self))
+        return table
+
+    def _show(self, columns: list[Compared], loops: dict[str, drawings.Loop]) -> None:
+        self.table = self._grid(columns)
         letters = {one.name: drawings.LETTERS[i] for i, one in enumerate(columns)}
         self.shown = [(letters[one.name], one.muscle) for one in columns if one.muscle is not None]
         braided = [one for _, one in self.shown if one.unit is not None]
@@ -295,7 +289,7 @@ class ComparisonGrid:
     def __init__(self, page: ComparePage, table: MuscleTable, columns: list[Compared]) -> None:
         self.page, self.table, self.columns = page, table, columns
 
-    def show(self, surfaces: dict[str, drawings.Surface | None]) -> None:
+    def show(self) -> None:
         """Build all of it, within the open element."""
         with box("div", "cmp").style(**{"--columns": str(len(self.columns))}):
             box("div", "k head")
@@ -305,11 +299,14 @@ class ComparisonGrid:
                 box("div", "k")
                 for one in self.columns:
                     with box("div", "cell"):
-                        if one.column is None:
+                        if one.said:
                             refused(one.said)
+                        elif one.column is None:
+                            with loading("Computing"):
+                                pass
             if any(one.muscle is not None for one in self.columns):
                 self._drawings()
-                self._surfaces(surfaces)
+                self._surfaces()
             self._rows()
 
     def _head(self, letter: str, one: Compared) -> None:
@@ -331,7 +328,7 @@ class ComparisonGrid:
 
     def _drawings(self) -> None:
         raw("At rest and fully shortened,<br>one scale<br><span class='faint scale'></span>", "div", "k tall")
-        for _, _, one, _ in self.columns:
+        for one in (compared.muscle for compared in self.columns):
             with box("div", "cell"):
                 if one is None:
                     continue
@@ -346,8 +343,8 @@ class ComparisonGrid:
                 packed = html.escape(json.dumps(drawn))
                 raw(f'<canvas class="drawn" role="img" aria-label="{words}" data-muscle="{packed}"></canvas>')
 
-    def _surfaces(self, surfaces: dict[str, drawings.Surface | None]) -> None:
-        shown = [s for s in surfaces.values() if s is not None]
+    def _surfaces(self) -> None:
+        shown = [one.surface for one in self.columns if one.surface is not None]
         scale = {
             "low": min((float(s.lengths[0]) for s in shown), default=0.6) - 0.04,
             "high": max((float(s.lengths[-1]) for s in shown), default=1.2) + 0.05,
@@ -358,16 +355,16 @@ class ComparisonGrid:
             'or <b>activation</b><br><span class="faint">the same axes in all; point at one, or use the arrows</span>'
         )
         raw(about, "div", "k tall")
-        for letter, (name, _, one, _) in zip(drawings.LETTERS, self.columns, strict=False):
+        for letter, one in zip(drawings.LETTERS, self.columns, strict=False):
             with box("div", "cell chartbox"):
-                if one is not None:
-                    raw(drawings.surface_markup(one, letter, surfaces[name], scale))
-                    if (chart := drawings.surface_chart(one, surfaces[name])) is not None:
+                if one.muscle is not None:
+                    raw(drawings.surface_markup(one.muscle, letter, one.surface, scale))
+                    if (chart := drawings.surface_chart(one.muscle, one.surface)) is not None:
                         save_menu(chart.name, chart.figure)
 
     def _rows(self) -> None:
         known = [one.column for one in self.columns if one.column is not None]
-        papers = [drawings.paper_values(c.name) if c is not None else {} for _, c, _, _ in self.columns]
+        papers = [drawings.paper_values(c.name) if c is not None else {} for c in (one.column for one in self.columns)]
         ends = [v for c in known for n in ("shortest", "longest") if (v := drawings.value_of(c, n))]
         low, high = min(ends, default=0.6) - 0.03, max(ends, default=1.2) + 0.03
         # the ends of the dynamic range share one row, efficiencies are at the side

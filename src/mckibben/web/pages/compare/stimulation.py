@@ -38,9 +38,9 @@ def stimulated(workspace: Workspace, subject: BiologicalSubject, protocol: Proto
         raise InputError("protocol", with_unit(duration, "s"), limit)
     recording = run_biological(protocol, subject)
     workspace.recordings.ready()
-    name = workspace.recordings.numbered(plain(protocol.name), ".nc")
-    recording.save(workspace.recordings.path(name))
-    return name, recording
+    with workspace.recordings.free(workspace.recordings.numbered(plain(protocol.name), ".nc")) as path:
+        recording.save(path)
+    return path.name, recording
 
 
 class StimulationPanel:
