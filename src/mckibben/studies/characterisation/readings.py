@@ -333,7 +333,8 @@ def measure_cord(
     bounds = bounds_of(on, layout_of(on, plumbing), rest_length=length, max_tension=max_tension)
     unit = None
     if hardware is None:
-        unit = rig_unit(Muscle(_rod(length)))
+        law: Any = stand_in_muscle(length).law
+        unit = rig_unit(Muscle(law.replace(upper_length=length, stop_stiffness=ROD_STIFFNESS)))
         unit = unit if tendon is None else unit.replace(tendon=tendon)
     with machine_for(on, layout_of(on, plumbing), unit, bounds, hardware, seed, step) as machine:
         record = machine.run("cord", protocol_of("cord", bounds, Progression()), None, stop)  # type: ignore[arg-type]
@@ -382,9 +383,3 @@ def cord_of(record: Recording) -> CordStiffness:
         left,
         largest,
     )
-
-
-def _rod(length: float) -> Any:
-    """A law that hardly stretches, and pulls with nothing but that."""
-    law: Any = stand_in_muscle(length).law
-    return law.replace(upper_length=length, stop_stiffness=ROD_STIFFNESS)
