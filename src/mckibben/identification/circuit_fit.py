@@ -17,17 +17,7 @@ from ..documents import JsonValue
 from ..engine import STEP, Run
 from ..engine.rates import RK4_LIMIT
 from ..errors import ConvergenceError, InputError
-from ..estimation import (
-    AT_BOUND,
-    Descent,
-    Estimate,
-    Estimation,
-    Parameter,
-    Search,
-    bounds_of,
-    conclude,
-    widening,
-)
+from ..estimation import AT_BOUND, Descent, Estimate, Estimation, Parameter, Search, bounds_of, conclude, widening
 from ..quantities import Quantity, whole_number
 from .record_posterior import RecordPosterior, RecordProblem, check_converged, posterior_of_records
 from .sampler import HostModel

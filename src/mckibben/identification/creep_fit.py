@@ -137,16 +137,7 @@ def fit_creep(
     amplitudes = tuple(steps * len(tau)) if law == "logarithmic" else tuple(steps)
     zero = ["no creep of this sign is in the data"] if not np.any(best.x[1:] > 0.0) else []
     return CreepFit(
-        law,
-        amplitudes,
-        start,
-        tau,
-        float(pressure_slope),
-        t,
-        s,
-        training,
-        fitted + drift,
-        (*found.warnings, *zero),
+        law, amplitudes, start, tau, float(pressure_slope), t, s, training, fitted + drift, (*found.warnings, *zero)
     )
 
 

@@ -59,11 +59,7 @@ class Programs:
     def __init__(self, plant: CommandedMachine, carry: Tree, commands: Sequence[str]) -> None:
         self.layouts = Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
         self.fields, self.shown = [name for name, _ in plant.shown], [output for _, output in plant.shown]
-        self.examples = (
-            np.zeros(self.layouts.plant.size),
-            np.zeros(self.layouts.carry.size),
-            np.zeros(len(commands)),
-        )
+        self.examples = (np.zeros(self.layouts.plant.size), np.zeros(self.layouts.carry.size), np.zeros(len(commands)))
         self._compiled: dict[Any, EngineFunction] = {}
 
     def __getstate__(self) -> dict[str, Any]:

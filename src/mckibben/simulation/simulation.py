@@ -43,15 +43,7 @@ from .mechanisms import Amount, Mechanism, StartPressure, ends_in_si, in_si, pub
 from .readouts import Readout, ReadoutLines
 from .recorded import described, record
 from .rollout import Rollout
-from .stepping import (
-    BEHIND,
-    CommandedMachine,
-    CommandInput,
-    SaidCommands,
-    SimulationState,
-    rest_carry,
-    unnamed_command,
-)
+from .stepping import BEHIND, CommandedMachine, CommandInput, SaidCommands, SimulationState, rest_carry, unnamed_command
 
 MOST_STEPS = 100_000  # of the physics in one period; more are a slip of units, and take forever
 LONGEST_PERIOD = 10.0  # of the samples [s]; longer ones are frequencies in Hz

@@ -224,10 +224,7 @@ class CircuitRecording(Answer):
 
 @verb
 def record_circuit(
-    circuit: CircuitFile,
-    *,
-    changes: Changes | None = None,
-    progress: Callable[[float, float], None] | None = None,
+    circuit: CircuitFile, *, changes: Changes | None = None, progress: Callable[[float, float], None] | None = None
 ) -> CircuitRecording:
     """Run a circuit, close its balances of mass and energy, and save the recording.
 

@@ -582,13 +582,7 @@ class _Machine:
             return prepare_on_machine(protocol, self.session.setup.rate, foresee=False, **self.session.setup.options)
         seed = self.seed * len(STAGES) + _NUMBERED.index(stage)
         made = prepare(
-            protocol,
-            muscle=self.stand_in,
-            rig=self.rig,
-            plumbing=self.layout,
-            seed=seed,
-            step=self.step,
-            foresee=False,
+            protocol, muscle=self.stand_in, rig=self.rig, plumbing=self.layout, seed=seed, step=self.step, foresee=False
         )
         return dataclasses.replace(made, unit=self.unit, specimen=None)
 

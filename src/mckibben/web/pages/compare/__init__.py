@@ -245,10 +245,7 @@ class ComparePage:
     # ---- what is shown
 
     def _show(
-        self,
-        columns: list[Compared],
-        surfaces: dict[str, drawings.Surface | None],
-        loops: dict[str, drawings.Loop],
+        self, columns: list[Compared], surfaces: dict[str, drawings.Surface | None], loops: dict[str, drawings.Loop]
     ) -> None:
         self.main.clear()
         self.table = MuscleTable(tuple(one.column for one in columns if one.column is not None), published_ranges())
