@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ... import verbs
 from ...answers import Answer, Caution, Column, Table
 from ...assembly.build import rig_unit
 from ...bench.hardware.backends import connected
@@ -37,19 +38,6 @@ from ...muscles.muscle import built_muscle
 from ...quantities import in_si, with_unit
 from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from ...verbs import (
-    Force,
-    Length,
-    MachineName,
-    MuscleName,
-    PlumbingName,
-    Pressure,
-    ResultFolder,
-    RigName,
-    Seed,
-    Stiffness,
-    verb,
-)
 from ..next_measurement import NextReadings, readings_to_take
 from .evaluation import of_muscle, part_of
 from .stages import MOST_PULLED, Progression, protocol_of
@@ -188,22 +176,22 @@ class CordStiffness(NamedTuple):
         return f"cord and frame: {value} (95 %: {low} to {high}) up to {with_unit(self.tension, 'N', 3)}"
 
 
-@verb
+@verbs.verb
 def characterise_like(
-    like: MuscleName,
-    rig: RigName = "modern",
+    like: verbs.MuscleName,
+    rig: verbs.RigName = "modern",
     *,
-    muscle: MuscleName | None = None,
-    rest_length: Length | None = None,
+    muscle: verbs.MuscleName | None = None,
+    rest_length: verbs.Length | None = None,
     same_rig: bool = False,
-    plumbing: PlumbingName | None = None,
-    max_pressure: Pressure | None = None,
-    max_tension: Force | None = None,
-    cord: Stiffness | None = None,
-    seed: Seed = 0,
-    machine: MachineName | None = None,
+    plumbing: verbs.PlumbingName | None = None,
+    max_pressure: verbs.Pressure | None = None,
+    max_tension: verbs.Force | None = None,
+    cord: verbs.Stiffness | None = None,
+    seed: verbs.Seed = 0,
+    machine: verbs.MachineName | None = None,
     lock_step: bool = False,
-    out: ResultFolder | None = None,
+    out: verbs.ResultFolder | None = None,
     hardware: Hardware | None = None,
     step: float = 5e-5,
     progress: Progress | None = None,
