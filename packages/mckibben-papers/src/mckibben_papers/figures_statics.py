@@ -19,14 +19,7 @@ from mckibben.muscles.laws.ideal import Ideal
 from mckibben.muscles.laws.linear_threshold import LinearThreshold
 from mckibben.muscles.laws.thick_wall import ThickWall
 from mckibben.quantities import from_si
-from mckibben.report.figures import style
-from mckibben.report.figures.energy_figures import (
-    EfficiencyLine,
-    PrintedEfficiency,
-    draw_efficiency,
-    draw_piston,
-    draw_tendon,
-)
+from mckibben.report.figures import energy_figures, style
 from mckibben.specimens import specimen
 
 from . import computed, measured, part4
@@ -346,7 +339,7 @@ def figure_12c() -> Figure:
         ("paper", False, NO_FRICTION, style.INK),
         ("potential", True, POTENTIAL, style.INK_3),
     )
-    draw_efficiency(ax, _efficiency_lines(looks), _printed_marks())
+    energy_figures.draw_efficiency(ax, _efficiency_lines(looks), _printed_marks())
     ax.set_ylim(0.0, 80.0)  # without friction and with the accumulator the threshold would come to 100 %
     title(ax, "12c", "Maximal shortening at constant pressure: efficiency Ea", above=ABOVE)
     rows = [
@@ -368,26 +361,26 @@ def figure_12c() -> Figure:
     return fig
 
 
-def _efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
+def _efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[energy_figures.EfficiencyLine]:
     """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
-    lines: list[EfficiencyLine] = []
+    lines: list[energy_figures.EfficiencyLine] = []
     for volume, friction, dash, colour in looks:
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
             muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
             low = 1e-3 + float(muscle.threshold())
             at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
             curve = energy_curve(muscle, "maximal", at, between)
-            lines.append(EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
+            lines.append(energy_figures.EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
     return lines
 
 
-def _printed_marks() -> list[PrintedEfficiency]:
+def _printed_marks() -> list[energy_figures.PrintedEfficiency]:
     """Printed efficiencies of the maximal cycle at 5 bar."""
     right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
     joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
     return [
-        PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
-        PrintedEfficiency(
+        energy_figures.PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
+        energy_figures.PrintedEfficiency(
             part4.PRESSURE,
             wrong,
             f"printed {100.0 * wrong:.0f} %, from its joules {100.0 * joules:.0f} %",
@@ -423,7 +416,7 @@ def figure_13b() -> Figure:
 
 def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
     fig, ax = panel(CYCLE_HEIGHT)
-    draw_piston(ax, loops)
+    energy_figures.draw_piston(ax, loops)
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
@@ -431,7 +424,7 @@ def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence
 
 def _tendon(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
     fig, ax = panel(CYCLE_HEIGHT)
-    draw_tendon(ax, loops)
+    energy_figures.draw_tendon(ax, loops)
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
