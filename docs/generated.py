@@ -777,8 +777,7 @@ def _place(name: str) -> str:
     value = getattr(mckibben, name)
     if hasattr(value, "__name__"):
         return f"{value.__module__}.{value.__name__}"
-    module = next(names[name] for names in mckibben.PUBLIC.values() if name in names)
-    return f"mckibben.{module}.{name}"
+    return f"mckibben{mckibben._SOURCES[name].replace(':', '.')}"
 
 
 def public_names(_: Path) -> str:

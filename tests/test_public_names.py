@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import mckibben
+from mckibben._lazy import public_names
 
 # Libraries that take longer to load than `import mckibben` may: all of them wait until they are used.
 HEAVY = ("jax", "matplotlib", "numpy", "pint", "scipy", "tomlkit", "typer", "xarray", "mckibben.registry")
@@ -20,14 +21,27 @@ OWN = [name for name, source in mckibben._SOURCES.items() if not source.startswi
 @pytest.mark.parametrize("name", OWN)
 def test_a_public_name_is_the_object_of_its_module(name):
     module, _, attribute = mckibben._SOURCES[name].partition(":")
-    assert getattr(mckibben, name) is getattr(importlib.import_module(f"mckibben.{module}"), attribute or name)
+    assert getattr(mckibben, name) is getattr(importlib.import_module(module, "mckibben"), attribute)
 
 
-def test_type_checkers_read_the_same_names_as_those_that_are_loaded():
-    tree = ast.parse(Path(mckibben.__file__).read_text(encoding="utf-8"))
+ROOMS = [
+    mckibben,
+    *(importlib.import_module(f"mckibben.{room}") for room in ("recordings", "identification", "muscles")),
+]
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
+def test_type_checkers_read_the_same_names_as_those_that_are_loaded(room):
+    tree = ast.parse(Path(room.__file__).read_text(encoding="utf-8"))
     (guarded,) = (node for node in tree.body if isinstance(node, ast.If))
-    imported = [name.asname for node in guarded.body if isinstance(node, ast.ImportFrom) for name in node.names]
-    assert sorted(imported) == sorted(OWN)
+    imported = {
+        name.asname for node in guarded.body if isinstance(node, ast.ImportFrom) and node.module for name in node.names
+    }
+    assert imported <= public_names(room.__name__).keys() & {*room.__all__}
+
+
+def test_every_public_name_has_its_subject_and_its_place():
+    assert sorted(name for group in mckibben.PUBLIC.values() for name in group) == sorted(mckibben._SOURCES)
 
 
 def test_completion_lists_the_public_names_and_others_are_refused():

@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from ._lazy import lazy_submodules
+from ._lazy import lazy_submodules, public_names
 from ._version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -61,74 +61,19 @@ if TYPE_CHECKING:
     from .studies.parts import parts as parts
     from .studies.sizing.size import size as size
 
-# The public names by subject, each with the module that it is loaded from when it is first used: "module:name" where it has
-# another name there, and the extra in brackets where a package that is installed by itself brings it. Type checkers read the
-# others above.
-PUBLIC: dict[str, dict[str, str]] = {
-    "Muscles and laws": {
-        "muscle": "muscles.muscle",
-        "Muscle": "muscles",
-        "PressureLaw": "muscles",
-        "TensionLaw": "muscles",
-        "law": "muscles",
-        "quantity": "quantities",
-        "check": "assembly.check",
-        "Specimen": "specimens",
-        "specimen": "specimens",
-    },
-    "Measured data": {
-        "read": "recordings",
-        "ForceMap": "recordings",
-        "read_force_map": "recordings",
-        "Fit": "identification",
-        "fit": "identification.ranking",
-        "fit_all": "identification",
-        "Ranking": "identification",
-    },
-    "Systems that one steps": {
-        "Simulation": "simulation",
-        "Joint": "simulation",
-        "Chain": "simulation",
-        "Link": "simulation",
-        "Weight": "simulation",
-        "Spring": "simulation",
-        "Plate": "simulation",
-        "Air": "simulation",
-    },
-    "Experiments": {
-        "protocol": "experiments.read",
-        "rig": "bench.rig_file",
-        "prepare": "bench.run",
-        "run": "bench.run",
-        "Session": "bench.session",
-        "circuit": "assembly.circuit_file:read_circuit",
-        "Channel": "recordings",
-        "Recording": "recordings",
-        "read_recording": "recordings",
-    },
-    "Questions": {
-        "parts": "studies.parts",
-        "part": "studies.parts",
-        "size": "studies.sizing.size",
-        "compare": "studies.comparison",
-        "energy": "analysis.energy.working_cycles",
-        "characterise": "studies.characterisation.verb",
-        "diagnose": "studies.diagnosis.fault_fit",
-        "reproduce": "[papers]",
-        "benchmark": "[benchmark]",
-    },
-    "Figures": {
-        "figure_style": "report.figures.formats",
-        "save_figure": "report.figures.style",
-        "plot_loops": "report.figures.plots",
-    },
-    "Errors": {
-        "InputError": "errors",
-        "MckibbenError": "errors",
-    },
+# The public names by subject; where each is, type checkers read above.
+PUBLIC = {
+    "Muscles and laws": "muscle, Muscle, PressureLaw, TensionLaw, law, quantity, check, Specimen, specimen".split(", "),
+    "Measured data": "read, ForceMap, read_force_map, Fit, fit, fit_all, Ranking".split(", "),
+    "Systems that one steps": "Simulation, Joint, Chain, Link, Weight, Spring, Plate, Air".split(", "),
+    "Experiments": "protocol, rig, prepare, run, Session, circuit, Channel, Recording, read_recording".split(", "),
+    "Questions": "parts, part, size, compare, energy, characterise, diagnose, reproduce, benchmark".split(", "),
+    "Figures": "figure_style, save_figure, plot_loops".split(", "),
+    "Errors": "InputError, MckibbenError".split(", "),
 }
-_SOURCES = {name: source for group in PUBLIC.values() for name, source in group.items()}
-__all__ = ["__version__", *_SOURCES]  # noqa: PLE0604
+# Where each is loaded from when it is first used; in brackets the extra of a package that is installed by itself.
+_SOURCES = public_names(__name__) | {"reproduce": "[papers]", "benchmark": "[benchmark]"}
+__all__ = ["__version__", *(name for group in PUBLIC.values() for name in group)]  # noqa: PLE0604
 lazy_submodules(__name__)  # before `__getattr__`, which it would ask for each of them
 
 
@@ -145,7 +90,7 @@ def __getattr__(name: str) -> Any:
     if name in ("read", "read_recording"):
         importlib.import_module(".isolation", __name__).start("mckibben.formats.registry")
     module, _, attribute = source.partition(":")
-    value = getattr(importlib.import_module(f".{module}", __name__), attribute or name)
+    value = getattr(importlib.import_module(module, __name__), attribute)
     globals()[name] = value
     return value
 

@@ -6,7 +6,6 @@ import importlib
 import os
 import sys
 import types
-from collections.abc import Iterable, Mapping
 from typing import Any
 
 _OWN_NAMES: Any = vars(types.ModuleType)["__dict__"].__get__  # of a module that stands for another one
@@ -43,6 +42,7 @@ def lazy_submodules(package: str) -> None:
     """Let ``from package import module`` give modules that are imported at their first use.
 
     For packages that hold what computes or draws, from which a command needs one module at most, and none for its help.
+    Their `public_names` are listed in ``__all__``.
 
     Args:
         package: the full name of the package, ``__name__`` in its ``__init__``.
@@ -55,23 +55,39 @@ def lazy_submodules(package: str) -> None:
             if ending == "py" or (entry.is_dir() and not ending and not name.startswith("__")):
                 if not name.startswith("__") and whole not in sys.modules and not hasattr(room, name):
                     setattr(room, name, LazyModule(whole))
+    vars(room).setdefault("__all__", sorted(public_names(package)))
 
 
-def lazy_names(package: str, sources: Mapping[str, Iterable[str]]) -> None:
-    """Let a package have public names whose modules are loaded when a name is first used, and list them in ``__all__``.
+def public_names(package: str) -> dict[str, str]:
+    """Where the public names of a package are, as ``module:name`` with the dots of a relative import.
+
+    They are those that its ``__init__`` imports for type checkers as ``from .module import name as name``, read from there.
+    """
+    room: Any = sys.modules[package]
+    places = {}
+    for line in (
+        room.__loader__.get_data(room.__file__).decode().splitlines()
+    ):  # as source, a library would be loaded for it
+        match line.split():
+            case ["from", module, "import", name, "as", known, *_] if module.strip(".") and not known.startswith("_"):
+                places[known] = f"{module}:{name}"
+    return places
+
+
+def lazy_names(package: str) -> None:
+    """Let a package have its `public_names`, each loaded when it is first used, and list them in ``__all__``.
 
     Args:
-        package: the full name of the package, ``__name__`` in its ``__init__``.
-        sources: names by the module of the package that defines them, or of one beside it after a dot, such as
-            ``.formats.table``. None is the name of a module of the package.
+        package: the full name of the package, ``__name__`` in its ``__init__``. No name is that of a module of the package.
     """
     room = sys.modules[package]
-    places = {name: module for module, names in sources.items() for name in names}
+    places = public_names(package)
 
     def load(name: str) -> Any:
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(importlib.import_module(f".{places[name]}", package), name)
+        module, _, attribute = places[name].partition(":")
+        value = getattr(importlib.import_module(module, package), attribute)
         setattr(room, name, value)
         return value
 

@@ -298,12 +298,7 @@ class Registry(Mapping[str, T], Generic[T]):
     """
 
     def __init__(
-        self,
-        group: str,
-        noun: str,
-        known: Mapping[str, T | str],
-        *,
-        accept: Callable[[Any], str | None] | None = None,
+        self, group: str, noun: str, known: Mapping[str, T | str], *, accept: Callable[[Any], str | None] | None = None
     ) -> None:
         self.group, self.noun, self.accept = group, noun, accept
         self._known: dict[str, Any] = dict(known)

@@ -45,7 +45,6 @@ def test_a_coulomb_loop_is_a_parallelogram(wave):
     assert found.friction == pytest.approx(FRICTION, rel=1e-6)
     assert found.stiffness == pytest.approx(STIFFNESS, rel=1e-3)
     assert found.area == pytest.approx(AREA, rel=4e-3)
-    assert found.mean_height == pytest.approx(HEIGHT, rel=4e-3)
     assert (found.length_low, found.length_high) == pytest.approx((MIDDLE - RANGE / 2, MIDDLE + RANGE / 2))
     assert found.tension_high == pytest.approx(PULL + STIFFNESS * RANGE / 2 + FRICTION, rel=2e-3)
 
@@ -148,7 +147,7 @@ def test_a_lag_narrows_the_loop_and_its_correction_gives_it_back():
     assert both.raw.width == pytest.approx(WIDTH - taken, rel=0.02)
     # The cubic spline rings for some samples around the sudden turns only; 100 samples a cycle.
     assert both.corrected.width == pytest.approx(WIDTH, rel=0.02)
-    assert both.width_change == pytest.approx(taken, rel=0.05)
+    assert both.corrected.width - both.raw.width == pytest.approx(taken, rel=0.05)
 
 
 def test_a_force_filter_is_taken_out_by_its_phase():

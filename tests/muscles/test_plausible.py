@@ -107,9 +107,14 @@ def test_usual_sizes_have_their_ends_and_beyond_them_a_unit_is_asked_for(unit):
 
 def test_the_unit_that_is_asked_for_is_the_one_that_makes_the_number_most_usual():
     # 300: 3 bar in kPa, 0.3 bar in mbar, 20.7 bar in psi; 5: bar before MPa
+    most = plausible.HIGHEST_PRESSURE
+    asked = {
+        text: likely_unit(text, "Pa", plausible.PRESSURE_UNITS, 0.02 * most, most, plausible.USUAL_PRESSURE)
+        for text in ("300", "5", "0.5", "90", "4000", "1e30", "bar")
+    }
     for text, unit in (("300", "kPa"), ("5", "bar"), ("0.5", "MPa"), ("90", "psi"), ("4000", "mbar")):
-        assert plausible.likely_pressure(text) == f"; was {text} {unit} meant?"
-    assert plausible.likely_pressure("1e30") == plausible.likely_pressure("bar") == ""
+        assert asked[text] == f"; was {text} {unit} meant?"
+    assert asked["1e30"] == asked["bar"] == ""
     assert likely_unit("3", "1", ("%",), 0.0, 1.0, 0.5) == likely_unit(None, "m", ("cm",), 0.0, 1.0, 0.5) == ""
     assert "1e-06 to 20 are usual" in str(size_caution(50.0, "1", usual=(1e-6, 20.0)))
 

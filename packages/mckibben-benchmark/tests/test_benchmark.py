@@ -11,16 +11,7 @@ from typer.testing import CliRunner
 
 from mckibben.cli.app import app
 from mckibben.errors import InputError, MissingDataError
-from mckibben_benchmark import (
-    TASKS,
-    BenchmarkRecord,
-    BenchmarkResult,
-    DataSplit,
-    benchmark,
-    new_model,
-    run_task,
-    task,
-)
+from mckibben_benchmark import TASKS, BenchmarkRecord, BenchmarkResult, DataSplit, benchmark, new_model, run_task, task
 from mckibben_benchmark.datasets import HOLDS, VENTING, hold_folds
 from mckibben_benchmark.learned import RecordColumns, held_back, likelihood
 from mckibben_benchmark.page import page

@@ -254,12 +254,7 @@ def test_an_unknown_friction_is_refused(folder: Path) -> None:
     [
         (LOOP, "p_sensor_V", "volts", "p_sensor_V is missing"),
         (LOOP, "down,", "back,", "branch must be up and down, each of them, got 'back, up"),
-        (
-            LOOP,
-            "up,0.0,",
-            "up,0.0,9",
-            "p_bar_gauge must be",
-        ),
+        (LOOP, "up,0.0,", "up,0.0,9", "p_bar_gauge must be"),
         (LOOP, "0.5", "x", "must be a number"),
         (
             STEPS,

@@ -13,12 +13,4 @@ if TYPE_CHECKING:
     from .lever_answers import work_loops as work_loops
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "description": ["describe_file", "describe_recording"],
-        "energy_accounts": ["energy_account"],
-        "frequency": ["channel_response"],
-        "lever_answers": ["contraction", "work_loops"],
-    },
-)
+lazy_names(__name__)

@@ -293,11 +293,6 @@ class CorrectedLoop(NamedTuple):
     corrected: TensionLoop
     lag: float
 
-    @property
-    def width_change(self) -> float:
-        """Corrected less raw width [m]: what the lag had taken."""
-        return self.corrected.width - self.raw.width
-
 
 def corrected_loop(
     record: Recording,

@@ -252,10 +252,7 @@ def cautions_of_cycles(
     lacking, some = lever.missing_cycles(record, length=length), lever.partial_cycles(loops)
     which, are = ("cycle", "is") if len(some) == 1 else ("cycles", "are")
     odd = f"{which} {' and '.join(map(str, some))} {are} longer or shorter than the others, and {taken}"
-    return collect(
-        Caution(lacking, "cycles") if lacking else None,
-        Caution(odd, "keep") if some else None,
-    )
+    return collect(Caution(lacking, "cycles") if lacking else None, Caution(odd, "keep") if some else None)
 
 
 def cycle_numbers(words: str) -> tuple[int, ...]:

@@ -211,11 +211,6 @@ class TensionLoop(NamedTuple):
         """Half the height: the Coulomb friction of a loop that has no other [N]."""
         return 0.5 * self.height
 
-    @property
-    def mean_height(self) -> float:
-        """Area over the length range [N]: noise averages over the whole cycle."""
-        return self.area / (self.length_high - self.length_low)
-
 
 class LoopRatio(NamedTuple):
     """Ratios of one loop to another [1]."""

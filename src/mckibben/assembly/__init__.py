@@ -14,12 +14,4 @@ if TYPE_CHECKING:
     from .machine import Machine as Machine
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "build": ["AirLine", "several", "unit_from_specimen"],
-        "circuit_file": ["read_circuit"],
-        "loads": ["PlateLoad"],
-        "machine": ["Machine"],
-    },
-)
+lazy_names(__name__)

@@ -119,7 +119,10 @@ def exergy_balance(machine: Machine, flow: Mapping[str, float], got: StoredChang
 
 
 def _exergy(machine: Machine, flow: Mapping[str, float], got: StoredChange, muscle: Mapping[str, Any]) -> ExergyLedger:
-    wall = _wall(machine)
+    # Temperature that all walls have [K], None if they differ
+    heats = [node.heat for node in machine.circuit.nodes.values() if isinstance(node, Chamber)]
+    temperatures = {float(h.wall_temperature) for h in heats if isinstance(h, WallHeat)}
+    wall = temperatures.pop() if len(temperatures) == 1 else None
     walls = 0.0 if wall is None else flow["heat"] * (1.0 - float(machine.environment.temperature) / wall)
     into = {"supply": 0.0, "machines": flow["shaft"], "walls": walls}
     lost = dict.fromkeys(("valve", "tube", "dead_volume", "exhaust", "leak", "machine"), 0.0)
@@ -152,13 +155,6 @@ def _exergy(machine: Machine, flow: Mapping[str, float], got: StoredChange, musc
         {"gas": got.gas_exergy, **muscle["stored"]},
         max(crossed, flow["exchanged"]),
     )
-
-
-def _wall(machine: Machine) -> float | None:
-    """Temperature that all walls have [K], None if they differ."""
-    heats = [node.heat for node in machine.circuit.nodes.values() if isinstance(node, Chamber)]
-    temperatures = {float(h.wall_temperature) for h in heats if isinstance(h, WallHeat)}
-    return temperatures.pop() if len(temperatures) == 1 else None
 
 
 def is_room(machine: Machine, node: str) -> bool:

@@ -441,7 +441,12 @@ def unit_assumptions(
         muscle: as it was named; what it or its file states was not assumed.
         usual_tendon: whether only the stiffness of its tendon was stated.
     """
-    at, stated = f"units.{name}", _stated(muscle, law_name(unit.law))
+    # What a person has stated of a muscle, or its file does, was not assumed
+    law = law_name(unit.law)
+    spec = muscle if isinstance(muscle, Specimen) else muscle.specimen if isinstance(muscle, Muscle) else None
+    spec = muscle_specimen(muscle) if isinstance(muscle, str) else spec
+    of_file = set() if spec is None else {*spec.properties, *spec.laws.get(law, {})}
+    at, stated = f"units.{name}", of_file | set(muscle.stated if isinstance(muscle, Muscle) else ())
     made = [inferred_assumption(f"{at}.{key}", key) for key in ("viscosity", "stop_damping", "stop_travel")]
     for field, value, usual, note in (
         ("largest_strain", unit.largest_strain, LARGEST_STRAIN, "beyond the longest length; where aramid yarn breaks"),
@@ -458,14 +463,6 @@ def unit_assumptions(
             inferred_assumption(f"{at}.tendon.{n}", f"tendon_{k}") for n, k in (("toe_length", "toe"), ("loss", "loss"))
         ]
     return tuple(made)
-
-
-def _stated(muscle: str | Specimen | Muscle, law: str) -> set[str]:
-    """Names of the numbers that a person has stated of a muscle, or its file does."""
-    spec = muscle if isinstance(muscle, Specimen) else muscle.specimen if isinstance(muscle, Muscle) else None
-    spec = muscle_specimen(muscle) if isinstance(muscle, str) else spec
-    of_file = set() if spec is None else {*spec.properties, *spec.laws.get(law, {})}
-    return of_file | set(muscle.stated if isinstance(muscle, Muscle) else ())
 
 
 def assumption_table(assumptions: Iterable[Assumption]) -> dict[str, JsonValue]:

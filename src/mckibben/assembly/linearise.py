@@ -174,18 +174,14 @@ def linearise(
     acts = [bool(np.any(into[:, i]) or np.any(through[:, i])) for i in range(len(columns))]
     for k, name in enumerate(inputs_by_name):
         if not (acts[2 * k] or acts[2 * k + 1]):
-            raise _idle_input(name, inputs)
+            # Nothing depends on it, as on the command of a valve that takes it late by another name
+            late = [other for other in inputs if other != name and other.startswith(f"{name}.")]
+            would = f"; {', '.join(late)} would do" if late else ""
+            raise InputError("input", name, f"moves nothing about this point{would}", where="linear model")
     kept = [i for i in range(len(columns)) if i % 2 == 0 or acts[i]]
     model_names = Names(tuple(states[i] for i in moving), tuple(columns[i] for i in kept), tuple(outputs))
     state_by_input = matrix[np.ix_(moving, moving)], into[np.ix_(moving, kept)]
     return LinearModel(*state_by_input, np.array(c)[:, moving], through[:, kept], model_names)
-
-
-def _idle_input(name: str, inputs: Mapping[str, Value]) -> InputError:
-    """The error for an input on which nothing depends, such as the command of a valve that takes it late by another name."""
-    late = [other for other in inputs if other != name and other.startswith(f"{name}.")]
-    would = f"; {', '.join(late)} would do" if late else ""
-    return InputError("input", name, f"moves nothing about this point{would}", where="linear model")
 
 
 def _moving(machine: Machine | Circuit, state: Tree, states: tuple[str, ...]) -> list[int]:

@@ -15,4 +15,4 @@ if TYPE_CHECKING:
 __all__ = ["Output", "VariantOutcome", "Variants", "crossed", "grid", "latin", "listed", "read_results"]
 
 lazy_submodules(__name__)
-lazy_names(__name__, {"store": ["read_results"]})
+lazy_names(__name__)

@@ -15,13 +15,4 @@ if TYPE_CHECKING:
     from .sensors import SensorKind as SensorKind
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "circuit_run": ["run_circuit"],
-        "joint_run": ["joint_stand", "run_joint"],
-        "prepare": ["OpenWire"],
-        "segment": ["SegmentMachine", "timing_of"],
-        "sensors": ["SENSORS", "SensorKind"],
-    },
-)
+lazy_names(__name__)

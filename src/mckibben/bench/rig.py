@@ -342,9 +342,15 @@ class Rig:
         motor, cell = self.motor, self.sensors.get("tension")
         top = min(float(self.valve_out.top), float(plumbing.supply_pressure))
         still = motor is None
+        # A set-point can rise as fast as the gas follows [Pa/s]: by the open valve into the volumes
+        room = self.environment
+        supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
+        empty = GasState(room.pressure_abs, room.temperature)
+        flow = call_compiled(_fill_flow, plumbing.valve, supply, empty, float(self.valve_out.top))
+        volume = plumbing.port_volume + plumbing.valve_accumulator + plumbing.muscle_accumulator + MUSCLE_VOLUME
         return Limits(
             pressure=(max(0.0, float(self.valve_out.low)), top),
-            pressure_rate=self._pressure_rate(plumbing),
+            pressure_rate=float(flow / AIR.mass(1.0, volume, room.temperature)),
             burst_pressure=float(self.interlocks.burst_pressure),
             tension=float("inf") if cell is None else float(cell.high),
             motor_force=float("inf") if motor is None else float(motor.largest_force),
@@ -360,15 +366,6 @@ class Rig:
         """Return the smallest step of every measured channel [SI]."""
         resolutions = {name: float(s.resolution) for name, s in self.sensors.items()}
         return resolutions if self.encoder is None else resolutions | {"span": float(self.encoder.resolution)}
-
-    def _pressure_rate(self, plumbing: Plumbing) -> float:
-        """Largest rate of a set-point that the gas can follow [Pa/s]: by the open valve into the volumes."""
-        room = self.environment
-        supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
-        empty = GasState(room.pressure_abs, room.temperature)
-        flow = call_compiled(_fill_flow, plumbing.valve, supply, empty, float(self.valve_out.top))
-        volume = plumbing.port_volume + plumbing.valve_accumulator + plumbing.muscle_accumulator + MUSCLE_VOLUME
-        return float(flow / AIR.mass(1.0, volume, room.temperature))
 
     def machine(self, layout: str, unit: MuscleUnit | None, *, start: float, moves: bool) -> Machine:
         """Build the machine of circuit, muscle and stand.

@@ -127,7 +127,12 @@ class CommandWithHelp(typer.core.TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Call the function with ``-`` for standard input resolved, and cautions about unlikely values."""
         self._check_conditions(ctx)
-        _allow_named_code(self.params, ctx.params)
+        # Allow the Python files that options and arguments name as `my.py:MyLaw` or `--set KEY=my.py:MyLaw`
+        for param in self.params:
+            value = ctx.params.get(param.name)
+            for word in value if isinstance(value, list | tuple) else (value,):
+                if isinstance(word, str):
+                    named_by_person(word, word.partition("=")[2], *word.split(","))
         with _standard_input(self.params, ctx.params) as values:
             ctx.params.update(values)
             _terminal.expect_cautions(_values.cautions(self.params, ctx.params))
@@ -185,15 +190,6 @@ def _without_code(args: list[str]) -> list[str]:
         path = path if equals else next(rest, "")
         allow_code(path)
     return words
-
-
-def _allow_named_code(params: list[Any], values: dict[str, Any]) -> None:
-    """Allow the Python files that options and arguments name as ``my.py:MyLaw`` or ``--set KEY=my.py:MyLaw``."""
-    for param in params:
-        value = values.get(param.name)
-        for word in value if isinstance(value, list | tuple) else (value,):
-            if isinstance(word, str):
-                named_by_person(word, word.partition("=")[2], *word.split(","))
 
 
 # ---- standard input

@@ -304,19 +304,14 @@ def _say(cautions: Iterable[Caution]) -> None:
     said = {one.parameter for one in _call.said if one.parameter}
     for one in cautions:
         if one not in _call.said and one.text not in {other.text for other in _call.said}:
-            if one.parameter not in said:
-                _print_caution(one.text)
+            if one.parameter not in said and not _call.quiet:
+                typer.echo(f"{program(33)}: caution: {one.text}", err=True)
             _call.said.append(one)
 
 
 def _about(sentence: str) -> Caution:
     """A sentence as a caution: "a pressure of 500 bar is beyond .." is about the pressure."""
     return Caution(sentence, re.sub("^an? ", "", sentence.partition(" of ")[0]))
-
-
-def _print_caution(sentence: str) -> None:
-    if not _call.quiet:
-        typer.echo(f"{program(33)}: caution: {sentence}", err=True)
 
 
 def program(colour: int) -> str:

@@ -34,205 +34,112 @@ ROOM = 16 << 20  # that a disk must have for compilations to be kept [B]; JAX le
 CACHE = ("Error writing persistent compilation cache", "Error reading persistent compilation cache")
 
 
-# Each command by its words: the module and function that run it, and the line of help that lists it. The module is imported
-# when the command is called, for most of them load what computes, which takes a second. A group has no function. A name of
-# `registry.PACKAGES` stands for a package that announces the command: asking it for its lines would make every help slow.
-COMMANDS: dict[str, tuple[str, str]] = {
-    "muscles": ("verb_commands:muscles", "List the muscles that ship, with their sources."),
-    "show": ("verb_commands:show", "Show the parameters of a muscle with their units and sources, and its law."),
-    "tension": ("verb_commands:tension", "Compute tension, volume and state of a muscle at one length and pressure."),
-    "braid": (
-        "verb_commands:braid",
-        "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
-    ),
-    "read": (
-        "verb_commands:read",
-        "Read a file of another program and show its columns, units, and the rows left out.",
-    ),
-    "fit": (
-        "verb_commands:fit",
-        "Fit tension laws to a measured table of length, pressure and tension, and rank them.",
-    ),
-    "next": (
-        "verb_commands:next_measurement",
-        "Choose the points of length and pressure that teach most next, and write them as a protocol.",
-    ),
-    "check": (
-        "check:check_law",
-        "Check a tension law or friction of your own: energy, push, potential, derivatives, units, kernel.",
-    ),
-    "protocols": ("verb_commands:protocols", "List the protocols, or describe one of them with all its numbers."),
-    "run": ("verb_commands:run", "Run a protocol on a test machine; nothing moves until the dry run passes."),
-    "joint": (
-        "verb_commands:joint",
-        "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
-    ),
-    "console": ("console:console", "Operate a test machine, simulated or real, at a prompt, by a script or a pipe."),
-    "device": ("", "Check a test machine before its first run, replay such a check, or serve a simulated machine."),
+# Each command by its words, and the line of help that lists it.
+LINES = {
+    "muscles": "List the muscles that ship, with their sources.",
+    "show": "Show the parameters of a muscle with their units and sources, and its law.",
+    "tension": "Compute tension, volume and state of a muscle at one length and pressure.",
+    "braid": "Describe a muscle from the dimensions of its braid and bladder, with ranges for what is not known.",
+    "read": "Read a file of another program and show its columns, units, and the rows left out.",
+    "fit": "Fit tension laws to a measured table of length, pressure and tension, and rank them.",
+    "next": "Choose the points of length and pressure that teach most next, and write them as a protocol.",
+    "check": "Check a tension law or friction of your own: energy, push, potential, derivatives, units, kernel.",
+    "protocols": "List the protocols, or describe one of them with all its numbers.",
+    "run": "Run a protocol on a test machine; nothing moves until the dry run passes.",
+    "joint": "Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.",
+    "console": "Operate a test machine, simulated or real, at a prompt, by a script or a pipe.",
+    "device": "Check a test machine before its first run, replay such a check, or serve a simulated machine.",
     "device check": (
-        "hardware",
-        "Check that each sensor answers valve and motor: sign, scale, noise, range, delay; and that the machine vents.",
+        "Check that each sensor answers valve and motor: sign, scale, noise, range, delay; and that the machine vents."
     ),
-    "device replay": (
-        "hardware",
-        "Run check, calibration and first protocol on a machine that is not here, from the file of its check.",
-    ),
-    "device serve": ("hardware", "Serve a simulated test machine on a virtual serial port."),
+    "device replay": "Run check, calibration and first protocol on a machine that is not here, from the file of its check.",
+    "device serve": "Serve a simulated test machine on a virtual serial port.",
     "characterise": (
-        "verb_commands:characterise",
-        "Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen.",
+        "Characterise an unknown muscle on a test machine: map, friction, relaxation, leak, and a fitted specimen."
     ),
-    "energy": ("verb_commands:energy", "Compute input, output and efficiency of a muscle's working cycles."),
-    "compare": (
-        "verb_commands:compare",
-        "Compare muscles with each other, and with published biological muscle.",
-    ),
-    "reproduce": (
-        "papers",
-        "Compute the papers' numbers and report whether each value is reproduced.",
-    ),
-    "diagnose": (
-        "verb_commands:diagnose",
-        "Find a fault of a rig from a recording of its normal operation.",
-    ),
-    "benchmark": (
-        "benchmark",
-        "Train models on measured tasks, and score their predictions of what they were not shown.",
-    ),
-    "parts": (
-        "verb_commands:parts",
-        "List valves, tubes, gas sources, laws and muscles with numbers, units and sources.",
-    ),
-    "size": ("verb_commands:size", "Find the muscle, valve, tube and gas source for a force and a stroke."),
-    "control": (
-        "verb_commands:control",
-        "Score controllers on a bench: median and worst on plants that they were not built on.",
-    ),
-    "sweep": (
-        "verb_commands:sweep",
-        "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr.",
-    ),
-    "export": (
-        "hosts",
-        "Export a muscle with its air as a part of another program: spans in, tensions out.",
-    ),
-    "conform": (
-        "hosts",
-        "Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.",
-    ),
-    "serve": ("serve:serve_screen", "Serve the web interface to a browser on this machine."),
-    "circuit": ("", "Show, run, linearise and fit pneumatic circuits."),
-    "circuit show": (
-        "verb_commands:circuit_show",
-        "Describe a circuit, its fastest mode, and the method with which a run begins.",
-    ),
-    "circuit run": (
-        "verb_commands:circuit_run",
-        "Run a circuit, close its balances of mass and energy, and save the recording.",
-    ),
-    "circuit frequency": (
-        "verb_commands:circuit_frequency",
-        "Compute the frequency response of a circuit that is linearised at rest.",
-    ),
-    "circuit fit": (
-        "verb_commands:circuit_fit",
-        "Fit a circuit's parameters to records of its pressures, and predict other records.",
-    ),
-    "record": ("", "Show, plot, report on, analyse, convert and repair recordings."),
-    "record show": (
-        "verb_commands:record_show",
-        "Describe a recording: protocol, muscle, rig, steps, channels, balances, events.",
-    ),
-    "record list": ("record:list_recordings", "List the recordings of a folder by what differs between them."),
-    "record plot": (
-        "record:plot",
-        "Draw a recording over time, or one channel over another; of several recordings or a sweep their loops.",
-    ),
-    "record convert": (
-        "record:convert_file",
-        "Convert a recording, or a file of another program, to another file format.",
-    ),
-    "record energy": (
-        "verb_commands:record_energy",
-        "Account for the exergy of a recording: supply, losses and shaft work.",
-    ),
-    "record loops": (
-        "verb_commands:record_loops",
-        "Measure each loop of tension over length: work, friction, width, height and stiffness.",
-    ),
+    "energy": "Compute input, output and efficiency of a muscle's working cycles.",
+    "compare": "Compare muscles with each other, and with published biological muscle.",
+    "reproduce": "Compute the papers' numbers and report whether each value is reproduced.",
+    "diagnose": "Find a fault of a rig from a recording of its normal operation.",
+    "benchmark": "Train models on measured tasks, and score their predictions of what they were not shown.",
+    "parts": "List valves, tubes, gas sources, laws and muscles with numbers, units and sources.",
+    "size": "Find the muscle, valve, tube and gas source for a force and a stroke.",
+    "control": "Score controllers on a bench: median and worst on plants that they were not built on.",
+    "sweep": "Run a protocol on many variants of a rig and a muscle; resumable, results in zarr.",
+    "export": "Export a muscle with its air as a part of another program: spans in, tensions out.",
+    "conform": "Test a host of muscles: errors, order, work at the border, saved states, smallest mass and speed.",
+    "serve": "Serve the web interface to a browser on this machine.",
+    "circuit": "Show, run, linearise and fit pneumatic circuits.",
+    "circuit show": "Describe a circuit, its fastest mode, and the method with which a run begins.",
+    "circuit run": "Run a circuit, close its balances of mass and energy, and save the recording.",
+    "circuit frequency": "Compute the frequency response of a circuit that is linearised at rest.",
+    "circuit fit": "Fit a circuit's parameters to records of its pressures, and predict other records.",
+    "record": "Show, plot, report on, analyse, convert and repair recordings.",
+    "record show": "Describe a recording: protocol, muscle, rig, steps, channels, balances, events.",
+    "record list": "List the recordings of a folder by what differs between them.",
+    "record plot": "Draw a recording over time, or one channel over another; of several recordings or a sweep their loops.",
+    "record convert": "Convert a recording, or a file of another program, to another file format.",
+    "record energy": "Account for the exergy of a recording: supply, losses and shaft work.",
+    "record loops": "Measure each loop of tension over length: work, friction, width, height and stiffness.",
     "record work": (
-        "verb_commands:record_work",
-        "Compute the work and power of a muscle in each cycle, or along the whole record where there is no cycle.",
+        "Compute the work and power of a muscle in each cycle, or along the whole record where there is no cycle."
     ),
-    "record stiffness": (
-        "verb_commands:record_stiffness",
-        "Measure the stiffness about the middle of each loop, or of one pull where there is no loop.",
-    ),
+    "record stiffness": "Measure the stiffness about the middle of each loop, or of one pull where there is no loop.",
     "record steps": (
-        "verb_commands:record_steps",
-        "Time how pressure and tension follow each step of a command, or a muscle its stimulus: delay, rise and settling.",
+        "Time how pressure and tension follow each step of a command, or a muscle its stimulus: "
+        "delay, rise and settling."
     ),
-    "record leak": (
-        "verb_commands:record_leak",
-        "Measure how fast the pressure of a shut muscle falls, and how much air that is.",
-    ),
-    "record frequency": (
-        "verb_commands:record_frequency",
-        "Estimate the frequency response between two channels.",
-    ),
-    "record contraction": (
-        "verb_commands:record_contraction",
-        "Time a twitch or tetanus: stimulus, peak, and set points of rise and relaxation.",
-    ),
-    "record work-loops": (
-        "verb_commands:record_work_loops",
-        "Compute work and power of each cycle of a muscle on a lever.",
-    ),
-    "record repair": ("record:repair", "Recover a recording from the log of a killed process."),
-    "record repeatability": (
-        "verb_commands:record_repeatability",
-        "Report how well cycles or runs repeat each other.",
-    ),
-    "record report": (
-        "record:report",
-        "Write a report of a recording: figures, balances, parameters, references.",
-    ),
-    "calibrate": ("", "Calibrate the channels of a rig, show a calibration, or apply it to a recording."),
-    "calibrate zero": ("hardware", "Calibrate the zeros of channels without load and pressure."),
-    "calibrate weights": ("hardware", "Calibrate a load cell with dead weights, up and down."),
-    "calibrate pressure": (
-        "hardware",
-        "Calibrate pressure sensors with a reference gauge, whose points are set now or were read before.",
-    ),
-    "calibrate encoder": (
-        "hardware",
-        "Calibrate the encoder with known travels, such as those of gauge blocks.",
-    ),
-    "calibrate skew": ("hardware", "Calibrate the lag of channels behind the first one, from a common signal."),
-    "calibrate show": ("verb_commands:calibrate_show", "Show a calibration: values, 95 % intervals, origin and age."),
-    "calibrate apply": (
-        "verb_commands:calibrate_apply",
-        "Apply a calibration to a recording in place of the one it carries.",
-    ),
-    "study": ("", "Run the studies of tubes, a robot, loops and all laws."),
-    "study tube": (
-        "verb_commands:study_tube",
-        "Compare lumped models of a tube with the distributed one, claim by claim.",
-    ),
-    "study robot": (
-        "benchmark",
-        "Fit the air of a jumping robot to some of its jumps, and predict the others.",
-    ),
-    "study loops": ("benchmark", "Predict half of a muscle's loop and creep from the other half."),
-    "study validation": (
-        "benchmark",
-        "Fit every tension law to every data set, and cross-validate it.",
-    ),
-    "completion": (
-        "completion:completion",
-        "Print the script with which a shell completes commands, options and values.",
-    ),
-    "help": ("completion:show_help", "Show the help of a command."),
+    "record leak": "Measure how fast the pressure of a shut muscle falls, and how much air that is.",
+    "record frequency": "Estimate the frequency response between two channels.",
+    "record contraction": "Time a twitch or tetanus: stimulus, peak, and set points of rise and relaxation.",
+    "record work-loops": "Compute work and power of each cycle of a muscle on a lever.",
+    "record repair": "Recover a recording from the log of a killed process.",
+    "record repeatability": "Report how well cycles or runs repeat each other.",
+    "record report": "Write a report of a recording: figures, balances, parameters, references.",
+    "calibrate": "Calibrate the channels of a rig, show a calibration, or apply it to a recording.",
+    "calibrate zero": "Calibrate the zeros of channels without load and pressure.",
+    "calibrate weights": "Calibrate a load cell with dead weights, up and down.",
+    "calibrate pressure": "Calibrate pressure sensors with a reference gauge, whose points are set now or were read before.",
+    "calibrate encoder": "Calibrate the encoder with known travels, such as those of gauge blocks.",
+    "calibrate skew": "Calibrate the lag of channels behind the first one, from a common signal.",
+    "calibrate show": "Show a calibration: values, 95 % intervals, origin and age.",
+    "calibrate apply": "Apply a calibration to a recording in place of the one it carries.",
+    "study": "Run the studies of tubes, a robot, loops and all laws.",
+    "study tube": "Compare lumped models of a tube with the distributed one, claim by claim.",
+    "study robot": "Fit the air of a jumping robot to some of its jumps, and predict the others.",
+    "study loops": "Predict half of a muscle's loop and creep from the other half.",
+    "study validation": "Fit every tension law to every data set, and cross-validate it.",
+    "completion": "Print the script with which a shell completes commands, options and values.",
+    "help": "Show the help of a command.",
+}
+# The module and function that run a command which is no verb of `verb_commands` by its own name. The module is imported when
+# the command is called, for most of them load what computes, which takes a second. A group has no function. A name of
+# `registry.PACKAGES` stands for a package that announces the command: asking it for its lines would make every help slow.
+PLACES = {
+    "next": "verb_commands:next_measurement",
+    "check": "check:check_law",
+    "console": "console:console",
+    "serve": "serve:serve_screen",
+    "record list": "record:list_recordings",
+    "record plot": "record:plot",
+    "record convert": "record:convert_file",
+    "record repair": "record:repair",
+    "record report": "record:report",
+    "completion": "completion:completion",
+    "help": "completion:show_help",
+}
+for place, several in (
+    ("", "device, circuit, record, calibrate, study"),
+    ("hardware", "device check, device replay, device serve, calibrate zero, calibrate weights, calibrate pressure"),
+    ("hardware", "calibrate encoder, calibrate skew"),
+    ("papers", "reproduce"),
+    ("benchmark", "benchmark, study robot, study loops, study validation"),
+    ("hosts", "export, conform"),
+):
+    PLACES |= dict.fromkeys(several.split(", "), place)
+COMMANDS = {
+    words: (PLACES.get(words, f"verb_commands:{words.replace(' ', '_').replace('-', '_')}"), line)
+    for words, line in LINES.items()
 }
 
 

@@ -196,7 +196,7 @@ def _of_command(command: Any, before: list[str], last: str) -> Iterator[Completi
     if last.startswith("-"):
         for name, p in options.items():
             if p.name not in stated or p.multiple:
-                yield Completion(name, _first_sentence(p.help))
+                yield Completion(name, (p.help or "").partition(";")[0].partition(". ")[0])
         yield from (Completion("--quiet", "Print only errors."), Completion("--help", "Show this help and exit."))
         return
     places = [p for p in command.params if p.param_type_name == "argument"]
@@ -204,10 +204,6 @@ def _of_command(command: Any, before: list[str], last: str) -> Iterator[Completi
         place = places[min(len(arguments), len(places) - 1)]
         if len(arguments) < len(places) or place.nargs == -1:
             yield from values(place, last, arguments, before)
-
-
-def _first_sentence(text: str | None) -> str:
-    return (text or "").partition(";")[0].partition(". ")[0]
 
 
 def values(param: Any, last: str, arguments: list[str], before: list[str]) -> Iterator[Completion]:

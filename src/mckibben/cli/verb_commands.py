@@ -212,9 +212,7 @@ size = VerbCommand(
 
 
 diagnose = VerbCommand(
-    "studies.diagnosis.fault_fit:diagnose",
-    OutputKinds(table=TABLE, result=OBJECT),
-    ("diagnose work-loop.nc",),
+    "studies.diagnosis.fault_fit:diagnose", OutputKinds(table=TABLE, result=OBJECT), ("diagnose work-loop.nc",)
 )
 
 
@@ -578,10 +576,7 @@ def _sweep_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 sweep = VerbCommand(
-    "studies.sweep_run:sweep_variants",
-    OutputKinds(),
-    ("sweep tubes.toml --out results",),
-    around=_sweep_bar,
+    "studies.sweep_run:sweep_variants", OutputKinds(), ("sweep tubes.toml --out results",), around=_sweep_bar
 )
 
 
@@ -639,10 +634,7 @@ fit_tables = VerbCommand(
     options={"known": "set"},
     required=("tables",),
     draw=_draw_fits,
-    writes={
-        "report": lambda answer, path: answer.report(path),
-        "specimen": _save_fits,
-    },
+    writes={"report": lambda answer, path: answer.report(path), "specimen": _save_fits},
     doing=("fitting", _fit_stages),
     check=_check_fits,
 )

@@ -27,16 +27,4 @@ if TYPE_CHECKING:
     from .task import Controller as Controller
     from .task import ControlTask as ControlTask
 
-lazy_names(
-    __name__,
-    {
-        "benches": ["BENCHES", "Plant", "control_task", "unseen_plants"],
-        "catalogue": ["CONTROLLERS"],
-        "controllers": ["PID", "InverseControl", "IterativeLearning"],
-        "lqi": ["LQI"],
-        "predictive": ["PredictiveControl"],
-        "references": ["REFERENCES"],
-        "scores": ["score"],
-        "task": ["Controller", "ControlTask"],
-    },
-)
+lazy_names(__name__)

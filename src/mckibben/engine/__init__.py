@@ -23,12 +23,4 @@ if TYPE_CHECKING:
     from .signals import held as held
     from .signals import ramped as ramped
 
-lazy_names(
-    __name__,
-    {
-        "integration": ["Result", "Run", "STEP", "compile_march", "integrate", "march"],
-        "native": ["differentiable"],
-        "rates": ["fastest_rate"],
-        "signals": ["Signal", "Value", "held", "ramped"],
-    },
-)
+lazy_names(__name__)

@@ -135,10 +135,7 @@ class SideBySide:
             for part, names in enumerate(self.split.outputs):
                 for inner in results:
                     prefix = known_prefix(inner, names)
-                    chosen.setdefault(
-                        inner if prefix is None else names[prefix] + inner[len(prefix) :],
-                        (part, inner),
-                    )
+                    chosen.setdefault(inner if prefix is None else names[prefix] + inner[len(prefix) :], (part, inner))
         return {name: results[inner][:, part] for name, (part, inner) in chosen.items()}
 
     def _part_of(self, name: str) -> tuple[int, str]:

@@ -15,11 +15,4 @@ if TYPE_CHECKING:
     from .read import parse_protocol as parse_protocol
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "amounts": ["Amount", "CHANNELS", "read_amount"],
-        "commands": ["COMMANDS", "Command", "known_set_points"],
-        "read": ["build_protocol", "parse_protocol"],
-    },
-)
+lazy_names(__name__)

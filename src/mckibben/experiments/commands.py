@@ -170,8 +170,7 @@ class Follow(Command):
         freed, wave_unit = relative_unit(raw, unit)
         try:
             return cls(
-                read_waveform(freed, unit if wave_unit == unit else "1", field=place.field, where=where),
-                wave_unit,
+                read_waveform(freed, unit if wave_unit == unit else "1", field=place.field, where=where), wave_unit
             )
         except InputError as error:
             if wave_unit != unit and "pure number" in error.problem:

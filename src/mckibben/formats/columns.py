@@ -17,16 +17,7 @@ import numpy as np
 from ..errors import InputError
 from ..quantities import with_unit
 from .clock import find_gaps, is_date, mend_clock, times_of
-from .labels import (
-    DAYS,
-    TIMES,
-    ColumnSource,
-    parse_header,
-    plain_stem,
-    quantity_of,
-    split_reference,
-    time_column,
-)
+from .labels import DAYS, TIMES, ColumnSource, parse_header, plain_stem, quantity_of, split_reference, time_column
 from .table import (
     Channel,
     ForeignColumn,

@@ -5,20 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from ..estimation import Estimate
-from .fit import (
-    SCHEMES,
-    Fit,
-    bound_of,
-    checked_length_error,
-    degenerate_words,
-    evaluate,
-    fit_all,
-    rank,
-)
-from .posterior import MapSensors, Posterior, read_posterior
-from .problem import LengthError
-from .ranking import Ranking, fit, load_table
+from ..estimation import Estimate as Estimate
+from .fit import SCHEMES as SCHEMES
+from .fit import Fit as Fit
+from .fit import bound_of as bound_of
+from .fit import checked_length_error as checked_length_error
+from .fit import degenerate_words as degenerate_words
+from .fit import evaluate as evaluate
+from .fit import fit_all as fit_all
+from .fit import rank as rank
+from .posterior import MapSensors as MapSensors
+from .posterior import Posterior as Posterior
+from .posterior import read_posterior as read_posterior
+from .problem import LengthError as LengthError
+from .ranking import Ranking as Ranking
+from .ranking import fit as fit
+from .ranking import load_table as load_table
 
 if TYPE_CHECKING:
     from . import circuit_fit as circuit_fit
@@ -40,42 +42,5 @@ if TYPE_CHECKING:
     from .shared_hysteresis import resistance as resistance
     from .trial import Trial as Trial
 
-__all__ = [
-    "CircuitFit",
-    "Constraint",
-    "Estimate",
-    "Fit",
-    "MapSensors",
-    "Posterior",
-    "LengthError",
-    "Ranking",
-    "SCHEMES",
-    "SharedHysteresis",
-    "Trial",
-    "bound_of",
-    "braid_length",
-    "braid_path",
-    "checked_length_error",
-    "degenerate_words",
-    "evaluate",
-    "fit",
-    "fit_all",
-    "fit_circuit",
-    "fit_constraints",
-    "fit_shared_hysteresis",
-    "load_table",
-    "rank",
-    "read_posterior",
-    "resistance",
-]
-
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "circuit_fit": ["CircuitFit", "fit_circuit"],
-        "constraints": ["Constraint", "fit_constraints"],
-        "shared_hysteresis": ["SharedHysteresis", "braid_length", "braid_path", "fit_shared_hysteresis", "resistance"],
-        "trial": ["Trial"],
-    },
-)
+lazy_names(__name__)

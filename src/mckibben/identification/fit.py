@@ -17,21 +17,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from .. import estimation
 from .._jax import Scalar
 from ..accessors import Accessor
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError, each_once
-from ..estimation import (
-    INDIFFERENT,
-    NORMAL_QUANTILE,
-    Estimate,
-    Inseparable,
-    akaike,
-    posterior_uncertainty,
-    require_influence,
-    require_progress,
-    uncertainty,
-)
 from ..muscles.build import build_law, cut_parameters, default_parameters
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
@@ -105,7 +95,7 @@ class Fit(FittedLaw):
     """
 
     law: str
-    parameters: dict[str, Estimate]
+    parameters: dict[str, estimation.Estimate]
     known: dict[str, Any]
     points: ForceMap
     error: np.ndarray
@@ -123,7 +113,7 @@ class Fit(FittedLaw):
     length_reach: tuple[float, float] = (0.0, 0.0)
     hysteresis: SharedHysteresis | None = None
     between: Between | None = None
-    inseparable: tuple[Inseparable, ...] = ()
+    inseparable: tuple[estimation.Inseparable, ...] = ()
 
     plot: ClassVar[Accessor[FitPlots]] = Accessor("FitPlots")
     """Plots: called, the law through the points; ``plot.residuals`` what it leaves."""
@@ -226,7 +216,7 @@ class Fit(FittedLaw):
         number of parameters counts: one that the data determine is 1, one that keeps its prior is 0.
         """
         counted = len(self.parameters) - len(self.degenerate) if self.effective is None else self.effective
-        return akaike(np.asarray(self.error), counted + 1, resolution=RESOLUTION * self.points.largest)
+        return estimation.akaike(np.asarray(self.error), counted + 1, resolution=RESOLUTION * self.points.largest)
 
     @property
     def muscle(self) -> Muscle:
@@ -416,7 +406,7 @@ class Fit(FittedLaw):
             whole = np.eye(len(self.parameters)) if self.correlation is None else self.correlation
             variance = np.einsum("i...,ij,j...->...", moves, whole[np.ix_(index, index)], moves)
             variance = variance + (0.5 * (tension(reach) - tension(-reach))) ** 2
-            half = np.sqrt(np.maximum(variance, 0.0) + (NORMAL_QUANTILE * self.rmse * ratio) ** 2)
+            half = np.sqrt(np.maximum(variance, 0.0) + (estimation.NORMAL_QUANTILE * self.rmse * ratio) ** 2)
         else:
             slopes = np.zeros((at[0].size, len(self.parameters)))
             for name, width, move in zip(names, spread, moves, strict=True):
@@ -451,7 +441,7 @@ class Fit(FittedLaw):
         fitted = rest is None or bool(
             (np.abs(np.asarray(self.known.get("rest_length", rest)) - float(rest)) < SAME_LENGTH).any()
         )
-        return max(NORMAL_QUANTILE * self.length_error, self.length_reach[0 if fitted else 1])
+        return max(estimation.NORMAL_QUANTILE * self.length_error, self.length_reach[0 if fitted else 1])
 
     def _half_width(self, tension: Callable[..., np.ndarray], name: str, width: float) -> np.ndarray:
         """Half the change of the tension over the interval of a parameter, from a small step within its bounds [N]."""
@@ -512,8 +502,8 @@ def fit(
     solution = solve(problem)
     tell(f"{law}: fitted")
     title = f"{problem.points.name} by the law {law}"
-    require_influence(solution.jacobian, problem.free, subject=title)
-    require_progress(
+    estimation.require_influence(solution.jacobian, problem.free, subject=title)
+    estimation.require_progress(
         solution.start,
         solution.scaled,
         solution.jacobian,
@@ -525,9 +515,9 @@ def fit(
     error = (solution.tension - problem.points.tension)[taut]
     posterior = solution.posterior
     if posterior is None:
-        spread = uncertainty(solution.jacobian[taut], error, problem.free)
+        spread = estimation.uncertainty(solution.jacobian[taut], error, problem.free)
     else:
-        spread = posterior_uncertainty(posterior.covariance, problem.free)
+        spread = estimation.posterior_uncertainty(posterior.covariance, problem.free)
     bound, none = _degenerate(problem, solution, taut)
     values = solution.scaled * problem.scale
     half = spread.quantile * spread.standard_error * problem.scale
@@ -540,7 +530,7 @@ def fit(
     return Fit(
         law=law,
         parameters={
-            name: Estimate(float(v), float(v - h), float(v + h), q.unit)
+            name: estimation.Estimate(float(v), float(v - h), float(v + h), q.unit)
             for (name, q), v, h in zip(problem.quantities.items(), values, half, strict=True)
         },
         known={k: v[taut] if np.ndim(v) else v for k, v in problem.known.items()},
@@ -638,7 +628,7 @@ def rank(fits: Iterable[Fit]) -> list[Fit]:
 
     def key(f: Fit) -> tuple[bool, bool, bool, float, int, float]:
         error, empty = f.left_out_rmse, bool(f.degenerate)
-        criterion = f.aicc + INDIFFERENT * empty
+        criterion = f.aicc + estimation.INDIFFERENT * empty
         # what an exact fit leaves is rounding, whose size says nothing
         score = criterion if error is None else max(error, RESOLUTION * f.points.largest) * (1.0 + ALIKE * empty)
         return not f.converged, bool(f.doubt), not f.determined, score, len(f.parameters), criterion
@@ -695,7 +685,7 @@ def _length_errors(problem: Problem, solution: Solution) -> tuple[LengthError, .
             float(rest[i]),
             float(points.length[i]),
             float(added[curves[i]]),
-            *(float(added[curves[i]] + side * NORMAL_QUANTILE * sd[curves[i]]) for side in (-1.0, 1.0)),
+            *(float(added[curves[i]] + side * estimation.NORMAL_QUANTILE * sd[curves[i]]) for side in (-1.0, 1.0)),
         )
         for i in first
     )

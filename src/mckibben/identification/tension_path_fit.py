@@ -198,10 +198,6 @@ class _RelaxationLikelihood:
         error = self._error(solution, 1.0)
         self.noise = max(float(np.std(error)) * widening([error]), 1e-9)  # of one sample, as if all were independent
 
-    def _combined(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        n, r, at = self.count, self.triangle, self.head
-        return np.column_stack([r[:, :at], r[:, at : at + n] + share * r[:, at + n : at + 2 * n]]), r[:, -1]
-
     def _error(self, solution: np.ndarray, share: float) -> np.ndarray:
         n, m, at = self.count, self.matrix, self.head
         elements = m[:, at : at + n] + share * m[:, at + n : at + 2 * n]
@@ -210,7 +206,8 @@ class _RelaxationLikelihood:
 
     def solve(self, share: float, total: float | None) -> tuple[np.ndarray, float]:
         """Best solution with a share of the earlier path and a total, free if None; and its cost, as -2 log likelihood."""
-        matrix, wanted = self._combined(share)
+        n, r, at = self.count, self.triangle, self.head
+        matrix, wanted = np.column_stack([r[:, :at], r[:, at : at + n] + share * r[:, at + n : at + 2 * n]]), r[:, -1]
         matrix, wanted = matrix / self.noise, wanted / self.noise
         prior = np.zeros((self.head - 1, matrix.shape[1]))
         prior[:, 1 : self.head] = np.diag(1.0 / np.maximum(self.spreads, 1e-9))

@@ -3,10 +3,15 @@
 from typing import TYPE_CHECKING
 
 from .._lazy import lazy_names, lazy_submodules
-from .build import law, law_from_specimen
-from .law import LawState, PressureLaw, TensionLaw
-from .laws import LAWS, law_type
-from .muscle import Muscle, from_specimen
+from .build import law as law
+from .build import law_from_specimen as law_from_specimen
+from .law import LawState as LawState
+from .law import PressureLaw as PressureLaw
+from .law import TensionLaw as TensionLaw
+from .laws import LAWS as LAWS
+from .laws import law_type as law_type
+from .muscle import Muscle as Muscle
+from .muscle import from_specimen as from_specimen
 
 if TYPE_CHECKING:
     from . import build as build
@@ -19,20 +24,6 @@ if TYPE_CHECKING:
     from .learned import LearnedResidual as LearnedResidual
     from .sleeve import braid_laws as braid_laws
 
-__all__ = [
-    "LAWS",
-    "LawState",
-    "LearnedResidual",
-    "Muscle",
-    "Tendon",
-    "PressureLaw",
-    "TensionLaw",
-    "braid_laws",
-    "from_specimen",
-    "law",
-    "law_from_specimen",
-    "law_type",
-]
 
 lazy_submodules(__name__)
-lazy_names(__name__, {"elements": ["Tendon"], "learned": ["LearnedResidual"], "sleeve": ["braid_laws"]})
+lazy_names(__name__)

@@ -190,11 +190,6 @@ def reached_cautions(
     )
 
 
-def likely_pressure(text: str) -> str:
-    """A question after a pressure that can only be a slip, such as ``; was 500 kPa meant?``; nothing if it is none."""
-    return likely_unit(text, "Pa", PRESSURE_UNITS, 0.02 * HIGHEST_PRESSURE, HIGHEST_PRESSURE, USUAL_PRESSURE)
-
-
 def length_caution(length: float, longest: float, *, text: str | None = None, name: str = "length") -> Caution | None:
     """Caution about a length of a muscle [m] far outside the range of its law; None if it is within.
 

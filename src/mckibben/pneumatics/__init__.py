@@ -20,14 +20,4 @@ if TYPE_CHECKING:
     from .volume import Reservoir as Reservoir
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "build": ["ELEMENTS", "build_element", "size_as", "valve_from_specimen"],
-        "circuit": ["Branch", "Circuit"],
-        ".components.gas": ["AIR", "Gas"],
-        "orifice": ["Orifice"],
-        "tubes": ["InertialTube", "LumpedTube"],
-        "volume": ["MovingVolume", "Reservoir"],
-    },
-)
+lazy_names(__name__)

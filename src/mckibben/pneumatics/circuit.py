@@ -376,10 +376,7 @@ def check_topology(nodes: Mapping[str, Reservoir | Chamber], branches: Mapping[s
             a, b = branch.ports[i], branch.ports[j]
             if isinstance(nodes[a], Reservoir) and isinstance(nodes[b], Reservoir):
                 raise InputError(
-                    name,
-                    None,
-                    f"joins two supplies, {a} and {b}: a volume must lie between them",
-                    where="circuit",
+                    name, None, f"joins two supplies, {a} and {b}: a volume must lie between them", where="circuit"
                 )
 
 

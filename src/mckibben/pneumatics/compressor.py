@@ -109,10 +109,7 @@ class Compressor(FlowElement):
 
     def outputs(self, gas: Gases, state: Tree, memory: Tree, command: Scalar) -> dict[str, Scalar]:
         """Power of the shaft [W], and whether it runs [1]."""
-        return {
-            "shaft_power": self.shaft_power(gas, state, memory, command),
-            "running": self.running(memory, command),
-        }
+        return {"shaft_power": self.shaft_power(gas, state, memory, command), "running": self.running(memory, command)}
 
 
 def _ratio(gas: Gases) -> Scalar:

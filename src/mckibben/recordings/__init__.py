@@ -27,24 +27,4 @@ if TYPE_CHECKING:
     from .recording import Recording as Recording
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        ".formats.labels": ["COLUMNS", "TIMES"],
-        "files": [
-            "FileReading",
-            "convert",
-            "read",
-            "read_any",
-            "read_record",
-            "read_recording",
-            "understand",
-            "write",
-        ],
-        "force_map": ["ForceMap", "read_force_map"],
-        ".formats.live_log": ["LiveLog"],
-        ".formats.table": ["Channel", "FileFormat", "ForeignColumn", "ForeignTable"],
-        "recording": ["Note", "Recording"],
-        "calibration": ["saturated"],
-    },
-)
+lazy_names(__name__)

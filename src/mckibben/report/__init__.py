@@ -16,10 +16,4 @@ if TYPE_CHECKING:
     from .document import Document as Document
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "blocks": ["Cite", "Figure", "Paragraph", "References", "ReportTable", "Section", "TableColumn", "TableRow"],
-        "document": ["Document"],
-    },
-)
+lazy_names(__name__)

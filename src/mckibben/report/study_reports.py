@@ -132,10 +132,7 @@ def _result(found: Characterisation) -> list[Block]:
         ("Span less length of the muscle", " to ".join(_words(by, "m", 2) for by in evaluation.clamp)),
         ("Leak", _leak(found)),
         ("Measured pressures", " to ".join(_words(p, "Pa", 3) for p in found.measured_pressures)),
-        (
-            "Measured lengths",
-            " to ".join(_words(end, "m", 3) for end in evaluation.lengths),
-        ),
+        ("Measured lengths", " to ".join(_words(end, "m", 3) for end in evaluation.lengths)),
         ("A loop again at the end", _again(found)),
         ("Machine time", f"{from_si(found.seconds, 's', 'min'):.1f} min"),
     ]

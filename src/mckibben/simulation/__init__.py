@@ -29,16 +29,4 @@ if TYPE_CHECKING:
     from .simulation import Simulation as Simulation
     from .stepping import SimulationState as SimulationState
 
-lazy_names(
-    __name__,
-    {
-        "air": ["Air"],
-        "estimator": ["Estimator"],
-        "fit": ["SimulationFit"],
-        "linear": ["SampledModel"],
-        "mechanisms": ["Chain", "Joint", "Link", "Mechanism", "Plate", "Spring", "Weight"],
-        "readouts": ["Readout"],
-        "simulation": ["Simulation"],
-        "stepping": ["SimulationState"],
-    },
-)
+lazy_names(__name__)

@@ -26,20 +26,10 @@ from ..engine.rates import RK4_LIMIT
 from ..engine.sampled import Steps
 from ..engine.soundness import SOUND, Soundness, overloaded_parts, unsound_sentence
 from ..errors import ConvergenceError
+from . import stepping
 from .air import AirCircuit
 from .mechanisms import Mechanism, StartPressure
 from .readouts import ReadoutLines
-from .stepping import (
-    BEHIND,
-    CommandedMachine,
-    CommandInput,
-    Layouts,
-    SimulationState,
-    observe_vectors,
-    outputs_at,
-    recorded_vectors,
-    step_vectors,
-)
 
 MODE = "default"  # of the compiler: the same bits alone and in every lane of a batch
 BLOCK = 64  # lanes of a batch are padded to a multiple of this where there is no kernel: XLA compiles each number anew
@@ -56,14 +46,10 @@ class Programs:
         commands: names of the commands.
     """
 
-    def __init__(self, plant: CommandedMachine, carry: Tree, commands: Sequence[str]) -> None:
-        self.layouts = Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
+    def __init__(self, plant: stepping.CommandedMachine, carry: Tree, commands: Sequence[str]) -> None:
+        self.layouts = stepping.Layouts(Layout.of(plant), Layout.of(carry), tuple(commands))
         self.fields, self.shown = [name for name, _ in plant.shown], [output for _, output in plant.shown]
-        self.examples = (
-            np.zeros(self.layouts.plant.size),
-            np.zeros(self.layouts.carry.size),
-            np.zeros(len(commands)),
-        )
+        self.examples = (np.zeros(self.layouts.plant.size), np.zeros(self.layouts.carry.size), np.zeros(len(commands)))
         self._compiled: dict[Any, EngineFunction] = {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -74,12 +60,12 @@ class Programs:
 
     def step(self, stiff: bool) -> EngineFunction:
         """`step_vectors` of this structure."""
-        bound = functools.partial(step_vectors, self.layouts, stiff)
+        bound = functools.partial(stepping.step_vectors, self.layouts, stiff)
         return self._function(("step", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
 
     def recorded(self, stiff: bool) -> EngineFunction:
         """`recorded_vectors` of this structure."""
-        bound = functools.partial(recorded_vectors, self.layouts, stiff)
+        bound = functools.partial(stepping.recorded_vectors, self.layouts, stiff)
         return self._function(("recorded", stiff), bound, *self.examples, np.float64(1e-3), np.int64(1))
 
     def overloaded(self, plant: np.ndarray, observed: np.ndarray) -> tuple[str, ...]:
@@ -94,11 +80,11 @@ class Programs:
 
     def observe(self, plant: np.ndarray, carry: np.ndarray) -> np.ndarray:
         """The observation in a carry, with what is `BEHIND` it; of lanes side by side, (fields + 3, lanes)."""
-        return np.asarray(self._at("observe", observe_vectors, plant, carry))
+        return np.asarray(self._at("observe", stepping.observe_vectors, plant, carry))
 
     def outputs(self, plant: np.ndarray, carry: np.ndarray) -> dict[str, np.ndarray]:
         """All outputs in a carry, each (lanes,) of lanes side by side."""
-        return dict(self._at("outputs", outputs_at, plant, carry))
+        return dict(self._at("outputs", stepping.outputs_at, plant, carry))
 
     def _at(self, key: str, function: Callable[..., Tree], plant: np.ndarray, carry: np.ndarray) -> Tree:
         """What a function finds in a carry, or in each of lanes side by side."""
@@ -144,7 +130,7 @@ class SampleKernel:
         self._carries = [np.zeros((*carry.shape, *many)) for _ in range(2)]
         self._now = 0  # which of the two is the present one
         self._commands = np.zeros((*commands.shape, *many))
-        self._observed = np.zeros((len(programs.fields) + BEHIND, *many))
+        self._observed = np.zeros((len(programs.fields) + stepping.BEHIND, *many))
         self._before = np.zeros_like(self._observed)  # of the lanes, at the start of the sample
         self._inner = np.zeros((), np.int64)
         self._calls: dict[bool, list[Callable[[], None]]] = {}
@@ -321,7 +307,7 @@ class SampleKernel:
 
     def _why(self, steps: Steps | None, observed: np.ndarray, lane: int | None = None) -> str:
         """Why a sample cannot be taken: with the shortest steps that were tried, or none, and what they led to."""
-        imbalance, bound, code = observed[-BEHIND:].tolist()
+        imbalance, bound, code = observed[-stepping.BEHIND :].tolist()
         if np.isfinite(bound) and (steps is None or not steps.short(bound, self._usual)):
             return f"A mode of the system is too fast ({bound:.3g} 1/s) for any step."
         tried = self._usual / (steps or Steps()).split
@@ -398,7 +384,7 @@ class RecordingKernel:
         """
         # the carries come from the kernel that stepped, so that its choice of steps is made again as it was
         pilot = SampleKernel(self.programs, self.plant, self.period, self.inner)
-        pilot.set_carry(carry, np.zeros(len(self.programs.fields) + BEHIND))
+        pilot.set_carry(carry, np.zeros(len(self.programs.fields) + stepping.BEHIND))
         pilot.rate_bound = bound
         rows = [self.programs.outputs(self.plant, carry)]
         sums: dict[str, float] = {}
@@ -426,8 +412,8 @@ class SteppedSimulation(abc.ABC):
     units: dict[str, MuscleUnit]
     air: AirCircuit
     machine: Machine
-    plant: CommandedMachine
-    drives: tuple[CommandInput, ...]
+    plant: stepping.CommandedMachine
+    drives: tuple[stepping.CommandInput, ...]
     commands: tuple[str, ...]
     Observation: Any
     noise: np.ndarray | None
@@ -457,7 +443,7 @@ class SteppedSimulation(abc.ABC):
         """What goes into the first sample, and the observation there, as vectors."""
 
     @abc.abstractmethod
-    def save_state(self) -> SimulationState:
+    def save_state(self) -> stepping.SimulationState:
         """The present moment."""
 
     @property

@@ -43,15 +43,7 @@ from .mechanisms import Amount, Mechanism, StartPressure, ends_in_si, in_si, pub
 from .readouts import Readout, ReadoutLines
 from .recorded import described, record
 from .rollout import Rollout
-from .stepping import (
-    BEHIND,
-    CommandedMachine,
-    CommandInput,
-    SaidCommands,
-    SimulationState,
-    rest_carry,
-    unnamed_command,
-)
+from .stepping import BEHIND, CommandedMachine, CommandInput, SaidCommands, SimulationState, rest_carry, unnamed_command
 
 MOST_STEPS = 100_000  # of the physics in one period; more are a slip of units, and take forever
 LONGEST_PERIOD = 10.0  # of the samples [s]; longer ones are frequencies in Hz
@@ -131,7 +123,10 @@ class Simulation(SteppedSimulation):
         self.noise = np.array([sizes.get(name, 0.0) for name in units_of]) if sizes else None
         said += [noise_caution(size, units_of[name], of=name) for name, size in sizes.items()]
         self.readouts = ReadoutLines(readouts or {}, units_of, self.period)
-        self.depth = self._depth()
+        # Samples of past commands that the longest dead time needs
+        delays = [e.delay() for e in self.machine.circuit.elements.values()]
+        longest = max((float(np.max(d)) for d in delays if d is not None), default=0.0)
+        self.depth = math.floor(longest / self.period + 1e-9) + 2
         example = self._carry(self._start_pressures, self.start_commands())
         self.programs = Programs(self.plant, example, self.commands)
         self.parameters = self.programs.layouts.plant.pack(self.plant)
@@ -521,12 +516,6 @@ class Simulation(SteppedSimulation):
         """State, memory and past commands at rest."""
         pressures = {node: self._start_of(node, starts) for node in self.machine.circuit.chambers}
         return rest_carry(self.plant, pressures, commands, self.depth)
-
-    def _depth(self) -> int:
-        """Samples of past commands that the longest dead time needs."""
-        delays = [e.delay() for e in self.machine.circuit.elements.values()]
-        longest = max((float(np.max(d)) for d in delays if d is not None), default=0.0)
-        return math.floor(longest / self.period + 1e-9) + 2
 
     def _unit(self, command: str) -> str:
         return self._drive(command).unit

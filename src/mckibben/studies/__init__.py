@@ -8,9 +8,4 @@ if TYPE_CHECKING:
     from .design import design_study as design_study
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "design": ["design_study"],
-    },
-)
+lazy_names(__name__)

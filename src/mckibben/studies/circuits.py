@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import components, identification, recordings
+from .. import components, identification, recordings, verbs
 from ..analysis import description, frequency
 from ..answers import Answer, Caution, Column, Table, collect
 from ..assembly import circuit_file
@@ -24,21 +24,6 @@ from ..formats.store import is_recording_csv
 from ..pneumatics import volume
 from ..quantities import parse, with_unit
 from ..recordings import Recording
-from ..verbs import (
-    Changes,
-    ChannelName,
-    CircuitFile,
-    Count,
-    Duration,
-    FileColumns,
-    FileUnits,
-    Frequency,
-    ParameterPath,
-    RecordFiles,
-    SignalName,
-    typed,
-    verb,
-)
 
 if TYPE_CHECKING:
     from ..analysis.frequency import FrequencyResponse
@@ -50,7 +35,7 @@ ROWS = 10  # of them that a person is shown
 UNITS = {"pressure_abs": "Pa", "pressure": "Pa", "mass_flow": "kg/s", "mass": "kg", "temperature": "K", "length": "m"}
 
 
-def _planned(circuit: Any, changes: Changes | None) -> CircuitPlan:
+def _planned(circuit: Any, changes: verbs.Changes | None) -> CircuitPlan:
     """A circuit with replaced values."""
     plan = circuit if isinstance(circuit, circuit_file.CircuitPlan) else circuit_file.read_circuit(circuit)
     return plan.change({path: str(value) for path, value in changes.items()}) if changes else plan
@@ -147,8 +132,8 @@ class CircuitDescription(Answer):
         return [sentences.sentence(self.plan), sentences.run_sentence(self.plan), method]
 
 
-@verb
-def describe_circuit(circuit: CircuitFile, *, changes: Changes | None = None) -> CircuitDescription:
+@verbs.verb
+def describe_circuit(circuit: verbs.CircuitFile, *, changes: verbs.Changes | None = None) -> CircuitDescription:
     """Describe a circuit, its fastest mode, and the method with which a run begins.
 
     Args:
@@ -222,11 +207,11 @@ class CircuitRecording(Answer):
         return None if self.recording.meta["result"] == "done" else ""
 
 
-@verb
+@verbs.verb
 def record_circuit(
-    circuit: CircuitFile,
+    circuit: verbs.CircuitFile,
     *,
-    changes: Changes | None = None,
+    changes: verbs.Changes | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> CircuitRecording:
     """Run a circuit, close its balances of mass and energy, and save the recording.
@@ -329,16 +314,16 @@ class CircuitResponse(Answer):
         return [f"{self.target} is {self.level:.6g} at the operating point; its response {fallen}."]
 
 
-@verb
+@verbs.verb
 def circuit_response(
-    circuit: CircuitFile,
+    circuit: verbs.CircuitFile,
     *,
-    source: SignalName,
-    target: ChannelName,
-    at: Duration = "0 s",
-    lowest: Frequency = "0.1 Hz",
-    highest: Frequency = "100 Hz",
-    changes: Changes | None = None,
+    source: verbs.SignalName,
+    target: verbs.ChannelName,
+    at: verbs.Duration = "0 s",
+    lowest: verbs.Frequency = "0.1 Hz",
+    highest: verbs.Frequency = "100 Hz",
+    changes: verbs.Changes | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> CircuitResponse:
     """Compute the frequency response of a circuit that is linearised at rest.
@@ -361,11 +346,13 @@ def circuit_response(
     """
     low, high, time = float(lowest), float(highest), float(at)
     if not 0.0 < low < high:
-        raise InputError("lowest", typed(lowest), f"must be above 0 Hz and below {{highest}}, {typed(highest)}")
+        raise InputError(
+            "lowest", verbs.typed(lowest), f"must be above 0 Hz and below {{highest}}, {verbs.typed(highest)}"
+        )
     plan = _planned(circuit, changes)
     if not 0.0 <= time <= plan.duration:
         end = with_unit(plan.duration, "s")
-        raise InputError("at", typed(at), f"must be between 0 s and {end}, the duration of the run")
+        raise InputError("at", verbs.typed(at), f"must be between 0 s and {end}, the duration of the run")
     inputs = {name: s.at(round(time / plan.period), 0.0, plan.period) for name, s in plan.inputs().items()}
     driven = plan.inputs_of(source)
     if len(driven) > 1:
@@ -380,7 +367,7 @@ def circuit_response(
     above, below = (UNITS.get(name.rpartition(".")[2], "1") for name in (target, source))
     unit = "" if above == below else above if below == "1" else f"{above} per {below}"
     level = float(plan.circuit.outputs(rest, memory, inputs)[target])
-    about = (typed(at) or "") if inputs else ""
+    about = (verbs.typed(at) or "") if inputs else ""
     return CircuitResponse(
         plan.title, source, target, unit, level, about, response, tuple(model.modes()), plan.cautions
     )
@@ -417,19 +404,19 @@ class FittedCircuit(Answer):
         return [*self.fit.tables(self.title), *(() if self.samples is None else self.samples.tables("the circuit"))]
 
 
-@verb
+@verbs.verb
 def fit_circuit_file(
-    circuit: CircuitFile,
-    records: RecordFiles,
+    circuit: verbs.CircuitFile,
+    records: verbs.RecordFiles,
     *,
-    free: Sequence[ParameterPath] | None = None,
-    predict: RecordFiles | None = None,
-    start: Changes | None = None,
-    columns: FileColumns | None = None,
-    units: FileUnits | None = None,
-    changes: Changes | None = None,
+    free: Sequence[verbs.ParameterPath] | None = None,
+    predict: verbs.RecordFiles | None = None,
+    start: verbs.Changes | None = None,
+    columns: verbs.FileColumns | None = None,
+    units: verbs.FileUnits | None = None,
+    changes: verbs.Changes | None = None,
     posterior: bool = False,
-    draws: Count = 1000,
+    draws: verbs.Count = 1000,
     progress: Callable[[str], None] | None = None,
 ) -> FittedCircuit:
     """Fit a circuit's parameters to records of its pressures, and predict other records.

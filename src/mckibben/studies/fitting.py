@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from .. import muscles
+from .. import muscles, verbs
 from ..accessors import implementation
 from ..answers import Answer, Caution, Table, collect, estimates
 from ..bench import rig_file
@@ -28,23 +28,6 @@ from ..quantities import declared, parse, with_unit
 from ..recordings import ForceMap
 from ..registry import named_by_person
 from ..specimens import Specimen, muscle_specimen
-from ..verbs import (
-    Changes,
-    Count,
-    FrictionModel,
-    LawName,
-    Length,
-    LoopFile,
-    MapReading,
-    MeasuredTable,
-    MuscleName,
-    PathReading,
-    Pressure,
-    RecordFiles,
-    RigName,
-    SmallLength,
-    verb,
-)
 
 ALL = "all"
 
@@ -101,22 +84,22 @@ class FittedTables(Answer):
         return Path(implementation("write_fit_report")(self.rankings, Path(path)))
 
 
-@verb
+@verbs.verb
 def fit_tables(
-    *tables: MeasuredTable,
-    rig: RigName | None = None,
-    law: Sequence[LawName] | None = None,
-    rest_length: Length | None = None,
-    like: MuscleName | None = None,
-    known: Changes | None = None,
-    read: MapReading | None = None,
+    *tables: verbs.MeasuredTable,
+    rig: verbs.RigName | None = None,
+    law: Sequence[verbs.LawName] | None = None,
+    rest_length: verbs.Length | None = None,
+    like: verbs.MuscleName | None = None,
+    known: verbs.Changes | None = None,
+    read: verbs.MapReading | None = None,
     slack: bool = True,
-    train_below: Pressure | None = None,
+    train_below: verbs.Pressure | None = None,
     posterior: bool = False,
-    draws: Count = 2000,
+    draws: verbs.Count = 2000,
     runs: bool = False,
-    length_error: SmallLength | None = None,
-    hysteresis: RecordFiles | None = None,
+    length_error: verbs.SmallLength | None = None,
+    hysteresis: verbs.RecordFiles | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> FittedTables:
     """Fit tension laws to a measured table of length, pressure and tension, and rank them.
@@ -235,7 +218,7 @@ def _posteriors(
     return {f.law: sampled(f) for f in fits}
 
 
-def _known(changes: Changes | None, laws: Sequence[str]) -> dict[str, float]:
+def _known(changes: verbs.Changes | None, laws: Sequence[str]) -> dict[str, float]:
     """Parameters that are not fitted [SI], of the laws that are."""
     fields = {key: q for name in laws for key, q in declared(law_type(name)).items()}
     units = {key: q.unit for key, q in fields.items()}
@@ -295,18 +278,18 @@ class FittedFriction(Answer):
         return [estimates(title, found.parameters, said), *samples]
 
 
-@verb
+@verbs.verb
 def fit_friction(
-    loop: LoopFile,
+    loop: verbs.LoopFile,
     *,
-    model: FrictionModel,
+    model: verbs.FrictionModel,
     creep: bool = False,
-    like: MuscleName | None = None,
-    law: LawName | None = None,
-    known: Changes | None = None,
-    read: PathReading | None = None,
+    like: verbs.MuscleName | None = None,
+    law: verbs.LawName | None = None,
+    known: verbs.Changes | None = None,
+    read: verbs.PathReading | None = None,
     posterior: bool = False,
-    draws: Count = 2000,
+    draws: verbs.Count = 2000,
 ) -> FittedFriction:
     """Fit a friction with memory to a loop of pressure and stroke.
 

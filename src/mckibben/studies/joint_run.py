@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import verbs
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
@@ -17,19 +18,6 @@ from ..quantities import parse, with_unit
 from ..recordings import Recording, read_record
 from ..recordings.memory import STEPPED, check_memory
 from ..simulation import Air, Joint, Simulation
-from ..verbs import (
-    Course,
-    Courses,
-    Duration,
-    Inertia,
-    MuscleName,
-    Pressure,
-    RecordFile,
-    Seed,
-    SmallLength,
-    ValveName,
-    verb,
-)
 
 SHOWN = ("joint.angle", "joint.velocity", "joint.moment", "flexor.pressure", "extensor.pressure")
 REPORTED = 1000  # steps between two reports of the progress
@@ -77,23 +65,23 @@ class JointRecording(Answer):
         return [f"{samples} Missing in the balances: {closed}.", *interval_remarks(errors)]
 
 
-@verb
+@verbs.verb
 def record_joint(
-    flexor: MuscleName = "nylon",
-    extensor: MuscleName | None = None,
+    flexor: verbs.MuscleName = "nylon",
+    extensor: verbs.MuscleName | None = None,
     *,
-    play: RecordFile | None = None,
-    commands: Courses | None = None,
-    angle: Course | None = None,
-    stiffness: Course = "1 N*m/rad",
-    duration: Duration | None = None,
-    arm: SmallLength = "2 cm",
-    inertia: Inertia = "2e-3 kg*m^2",
-    supply: Pressure = "6 bar",
-    valve: ValveName = "MPYE-5-1-8-LF",
-    start_pressure: Pressure = "2 bar",
-    period: Duration = "2 ms",
-    seed: Seed = 0,
+    play: verbs.RecordFile | None = None,
+    commands: verbs.Courses | None = None,
+    angle: verbs.Course | None = None,
+    stiffness: verbs.Course = "1 N*m/rad",
+    duration: verbs.Duration | None = None,
+    arm: verbs.SmallLength = "2 cm",
+    inertia: verbs.Inertia = "2e-3 kg*m^2",
+    supply: verbs.Pressure = "6 bar",
+    valve: verbs.ValveName = "MPYE-5-1-8-LF",
+    start_pressure: verbs.Pressure = "2 bar",
+    period: verbs.Duration = "2 ms",
+    seed: verbs.Seed = 0,
     progress: Callable[[float, float], None] | None = None,
 ) -> JointRecording:
     """Run two muscles on a joint, by valve commands over time or by set-points of angle and stiffness.

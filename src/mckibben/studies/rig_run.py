@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from .. import verbs
 from ..analysis import segments
 from ..answers import Answer, Caution, Column, Table
 from ..batch.posterior import PredictedRun, predict_run
@@ -35,22 +36,7 @@ from ..muscles.evidence import interval_remarks
 from ..quantities import with_unit
 from ..recordings import Recording
 from ..specimens import Specimen, muscle_specimen
-from ..verbs import (
-    CalibrationFile,
-    Changes,
-    Count,
-    Duration,
-    LawName,
-    MachineName,
-    MuscleName,
-    ParameterType,
-    PlumbingName,
-    PosteriorFile,
-    ProtocolName,
-    RigName,
-    Seed,
-    verb,
-)
+from ..verbs import ParameterType
 
 RUNNING, PREDICTING = "running", "running the samples of the posterior"  # what is told of progress
 STEPS = 1e-7, 1e-3  # that the physics may take at most [s]
@@ -245,27 +231,27 @@ class StimulatedRecording(Answer):
         return [f"{len(self.recording)} samples. {self.recording.meta['message']}"]
 
 
-@verb
+@verbs.verb
 def record_run(
-    protocol: ProtocolName,
+    protocol: verbs.ProtocolName,
     *,
-    muscle: MuscleName,
-    rig: RigName = "paper",
-    law: LawName | None = None,
-    changes: Changes | None = None,
+    muscle: verbs.MuscleName,
+    rig: verbs.RigName = "paper",
+    law: verbs.LawName | None = None,
+    changes: verbs.Changes | None = None,
     faults: Faults | None = None,
-    plumbing: PlumbingName | None = None,
-    seed: Seed = 0,
-    step: Duration = "50 us",
+    plumbing: verbs.PlumbingName | None = None,
+    seed: verbs.Seed = 0,
+    step: verbs.Duration = "50 us",
     accept_saturation: bool = False,
     dry_run: bool = False,
     real_time: bool = False,
-    machine: MachineName | None = None,
+    machine: verbs.MachineName | None = None,
     lock_step: bool = False,
     log: LogFile | None = None,
-    calibration: CalibrationFile | None = None,
-    posterior: PosteriorFile | None = None,
-    draws: Count = 40,
+    calibration: verbs.CalibrationFile | None = None,
+    posterior: verbs.PosteriorFile | None = None,
+    draws: verbs.Count = 40,
     stop: Callable[[], bool] | None = None,
     ask: Callable[[str], None] | None = None,
     telling: Callable[[str, PreparedRun], contextlib.AbstractContextManager[Progress | None]] | None = None,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from .. import muscles
+from .. import muscles, verbs
 from ..answers import Answer, Caution, Column, Table, collect
 from ..documents import JsonValue
 from ..errors import InputError
@@ -16,20 +16,6 @@ from ..muscles.build import changed_parameters, missing_parameters, needed_words
 from ..muscles.muscle import built_muscle
 from ..quantities import MOST_VALUES, declared, shown_unit, values, with_unit
 from ..specimens import Specimen, muscle_specimen, specimens
-from ..verbs import (
-    Activation,
-    Changes,
-    Contraction,
-    Force,
-    LawName,
-    Length,
-    MuscleOrLaw,
-    PosteriorFile,
-    Pressure,
-    TensionReading,
-    typed,
-    verb,
-)
 
 # Units of a law's state at a point, in the order in which they are shown.
 STATE = {"tension": "N", "passive": "N", "active": "N", "volume": "m^3", "stiffness": "N/m", "free_length": "m"}
@@ -136,20 +122,20 @@ class Tensions(Answer):
         return said + ([f"Not given, by default of the law: {', '.join(stated)}."] if self.defaults else [])
 
 
-@verb
+@verbs.verb
 def tension(
-    muscle: MuscleOrLaw,
+    muscle: verbs.MuscleOrLaw,
     *,
-    length: Length | Sequence[Length] | None = None,
-    contraction: Contraction | Sequence[Contraction] | None = None,
-    pressure: Pressure | Sequence[Pressure] | None = None,
-    activation: Activation | Sequence[Activation] | None = None,
-    target_tension: Force | None = None,
-    law: LawName | None = None,
-    parameters: Changes | None = None,
-    reading: TensionReading | Sequence[TensionReading] | None = None,
+    length: verbs.Length | Sequence[verbs.Length] | None = None,
+    contraction: verbs.Contraction | Sequence[verbs.Contraction] | None = None,
+    pressure: verbs.Pressure | Sequence[verbs.Pressure] | None = None,
+    activation: verbs.Activation | Sequence[verbs.Activation] | None = None,
+    target_tension: verbs.Force | None = None,
+    law: verbs.LawName | None = None,
+    parameters: verbs.Changes | None = None,
+    reading: verbs.TensionReading | Sequence[verbs.TensionReading] | None = None,
     same_rig: bool = False,
-    posterior: PosteriorFile | None = None,
+    posterior: verbs.PosteriorFile | None = None,
 ) -> Tensions:
     """Compute tension, volume and state of a muscle at one length and pressure.
 
@@ -197,7 +183,7 @@ def tension(
         built, new = calibrate_muscle(built, reading, same_rig=same_rig)
         said = new.cautions()
     points = [_point(built.law, at, drive, biological) for at in lengths for drive in drives]
-    said += collect(*built.length_cautions(lengths, text=typed(length)))
+    said += collect(*built.length_cautions(lengths, text=verbs.typed(length)))
     said += () if biological else _cautions(built, chosen, drives, pressure)
     said += _add_ranges(points, built, chosen)
     of_make = _add_spread(points, built, same_rig) if posterior is None else ""
@@ -207,7 +193,7 @@ def tension(
     return Tensions(built, chosen, points, band, defaults, collect(*said))
 
 
-def _muscle(name: Any, law: str | None, changes: Changes | None) -> tuple[muscles.Muscle, str, tuple[str, ...]]:
+def _muscle(name: Any, law: str | None, changes: verbs.Changes | None) -> tuple[muscles.Muscle, str, tuple[str, ...]]:
     """The muscle, the name of its law, and parameters that a law without specimen has by default."""
     if name in muscles.laws.LAWS:
         if law is not None:
@@ -248,7 +234,7 @@ def _lengths(length: Any, contraction: Any, muscle: muscles.Muscle) -> list[floa
         except InputError as error:
             raise error.changed(field="contraction") from None
     if not all(0.0 < at <= 100.0 for at in length):
-        raise InputError("length", typed(length), "must be a length above 0 and up to 100 m")
+        raise InputError("length", verbs.typed(length), "must be a length above 0 and up to 100 m")
     return list(length)
 
 
@@ -267,27 +253,29 @@ def _drives(
             if value is not None:
                 raise InputError("target_tension", None, f"is allowed only without {{{other}}}, which it finds")
         if len(lengths) > 1:
-            raise InputError("target_tension", typed(target_tension), "is allowed only with one length")
+            raise InputError("target_tension", verbs.typed(target_tension), "is allowed only with one length")
         return [float(muscle.law.pressure_for(target_tension, lengths[0]))]
     if biological:
         of = f"{getattr(muscle.specimen, 'id', name)} is a biological muscle"
         if pressure is not None:
-            raise InputError("pressure", typed(pressure), f"{of}; give {{activation}} from 0 to 1")
+            raise InputError("pressure", verbs.typed(pressure), f"{of}; give {{activation}} from 0 to 1")
         if activation is None:
             raise InputError("activation", None, f"is missing: {of}, which needs one from 0 to 1")
         if not all(0.0 <= value <= 1.0 for value in activation):
-            raise InputError("activation", typed(activation), "must be between 0 and 1")
+            raise InputError("activation", verbs.typed(activation), "must be between 0 and 1")
         return list(activation)
     if activation is not None:
         raise InputError(
-            "activation", typed(activation), f"{name} is no biological muscle; give {{pressure}} or {{target_tension}}"
+            "activation",
+            verbs.typed(activation),
+            f"{name} is no biological muscle; give {{pressure}} or {{target_tension}}",
         )
     if pressure is None:
         raise InputError(
             "pressure", None, "is missing: give a gauge pressure such as '5 bar', or a tension with {target_tension}"
         )
     if min(pressure) < muscles.plausible.LEAST_GAUGE or max(pressure) > 1e8:
-        raise InputError("pressure", typed(pressure), "must be between -1.1 bar (vacuum) and 1000 bar gauge")
+        raise InputError("pressure", verbs.typed(pressure), "must be between -1.1 bar (vacuum) and 1000 bar gauge")
     return list(pressure)
 
 
@@ -304,7 +292,9 @@ def _point(law: Any, length: float, drive: float, biological: bool) -> dict[str,
 def _cautions(muscle: muscles.Muscle, law: str, drives: list[float], pressure: Any) -> tuple[Caution, ...]:
     """Cautions about pressures and the law of a McKibben muscle."""
     spec = muscle.specimen
-    high = None if pressure is None else muscles.plausible.pressure_caution(max(drives), spec, text=typed(pressure))
+    high = (
+        None if pressure is None else muscles.plausible.pressure_caution(max(drives), spec, text=verbs.typed(pressure))
+    )
     free = muscles.plausible.free_length_caution(muscle.law, drives, spec)
     return collect(high, free, *muscles.evidence.law_cautions(spec, muscle.law, at_rest=False))
 

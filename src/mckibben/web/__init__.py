@@ -13,11 +13,4 @@ if TYPE_CHECKING:
     from .widgets import panel as panel
     from .widgets import select as select
 
-lazy_names(
-    __name__,
-    {
-        "charts": ["Axis", "Chart", "ChartLine", "update"],
-        "elements": ["PageDocument"],
-        "widgets": ["panel", "select"],
-    },
-)
+lazy_names(__name__)

@@ -23,21 +23,10 @@ from urllib.parse import quote
 from .. import registry
 from .._version import __version__
 from ..errors import InputError, MckibbenError
+from . import guard
 from .bench import measured_data
 from .charts import LARGEST_CHART, sent_figure
 from .elements import Documents
-from .guard import (
-    BACKLOG,
-    STOP,
-    SWITCH,
-    Connections,
-    Guard,
-    Listener,
-    bound_log,
-    counted_protocol,
-    is_loopback,
-    reserve_descriptors,
-)
 from .live import Lines, stop_at_once
 from .reader import bound_freed_memory
 from .shelf import LARGEST, check_size, plain_name
@@ -52,13 +41,13 @@ UNKNOWN_DOCUMENT = 4404  # code with which a line is closed whose page is not kn
 
 
 def build(
-    workspace: Workspace, host: str, port: int, token: str | None = None, connections: Connections | None = None
-) -> Guard:
+    workspace: Workspace, host: str, port: int, token: str | None = None, connections: guard.Connections | None = None
+) -> guard.Guard:
     """Build the application, guarded."""
     from starlette.applications import Starlette
 
     documents = Documents()
-    connections = Connections() if connections is None else connections
+    connections = guard.Connections() if connections is None else connections
 
     @contextlib.asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
@@ -78,7 +67,7 @@ def build(
             workspace.end_work()  # before the loop waits for the threads that wait for it
 
     routes = [*_bench_routes(workspace, host, port), *_page_routes(workspace, documents)]
-    return Guard(Starlette(routes=routes, lifespan=life), host, port, token, connections)
+    return guard.Guard(Starlette(routes=routes, lifespan=life), host, port, token, connections)
 
 
 def _page_routes(workspace: Workspace, documents: Documents) -> list[Any]:
@@ -234,7 +223,7 @@ def _bench_routes(workspace: Workspace, host: str, port: int) -> list[Any]:
     return [
         Route("/", bench),
         WebSocketRoute("/live", live),
-        Route(STOP, stop, methods=["POST"]),
+        Route(guard.STOP, stop, methods=["POST"]),
         Route("/figure", figure, methods=["POST"]),
         Route("/measured", measured, methods=["GET", "POST"]),
         Route("/files/{name:path}", recording, methods=["GET"]),
@@ -252,7 +241,7 @@ def listen(host: str, port: int) -> socket.socket:
     listener = None
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        listener = Listener(family, socket.SOCK_STREAM)
+        listener = guard.Listener(family, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((host, port))
         listener.listen()
@@ -279,19 +268,19 @@ def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, t
     import uvicorn
 
     bound_freed_memory()
-    sys.setswitchinterval(SWITCH)
-    connections = Connections(reserve_descriptors())
+    sys.setswitchinterval(guard.SWITCH)
+    connections = guard.Connections(guard.reserve_descriptors())
     port = line.getsockname()[1]
     app = build(workspace, host, port, connections=connections)
     shown = f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/?token={app.token}"
     tell(f"The web interface is at {address}")
-    others = "" if is_loopback(host) else "Others reach this address: "
+    others = "" if guard.is_loopback(host) else "Others reach this address: "
     tell(f"{others}{'w' if others else 'W'}hoever has the token in it is let in, and may operate the machine.")
     config = uvicorn.Config(
         app,
-        http=counted_protocol(connections),
-        backlog=BACKLOG,
+        http=guard.counted_protocol(connections),
+        backlog=guard.BACKLOG,
         log_config=None,
         access_log=False,
         ws_max_size=2**22,
@@ -299,7 +288,7 @@ def serve(workspace: Workspace, line: socket.socket, host: str, *, show: bool, t
         lifespan="on",
         ws_per_message_deflate=False,
     )
-    server, log = uvicorn.Server(config), bound_log()
+    server, log = uvicorn.Server(config), guard.bound_log()
     with tempfile.TemporaryDirectory(prefix="mckibben-") as folder:
         if show:
             webbrowser.open(leading_to(address, Path(folder)))

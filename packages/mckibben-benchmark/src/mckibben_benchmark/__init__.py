@@ -31,13 +31,4 @@ __version__ = "1.0.0"
 
 join(__name__)
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "datasets": ["BenchmarkRecord", "DataSplit"],
-        "run": [
-            "MODELS", "BenchmarkModel", "BenchmarkResult", "TaskScore", "benchmark", "model_names", "new_model", "run_task",
-        ],
-        "tasks": ["TASKS", "BenchmarkTask", "task"],
-    },
-)  # fmt: skip
+lazy_names(__name__)

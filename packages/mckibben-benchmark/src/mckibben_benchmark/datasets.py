@@ -409,11 +409,7 @@ def antagonist_folds(path: Path) -> tuple[DataSplit, ...]:
 
     columns = {name: np.ravel(values).astype(float) for name, values in loadmat(path).items() if name[0] != "_"}
     kpa = to_si(1.0, "kPa", "Pa", field="pressure")
-    outputs = {
-        "displacement": columns["x"],
-        "pressure_1": kpa * columns["p1"],
-        "pressure_2": kpa * columns["p2"],
-    }
+    outputs = {"displacement": columns["x"], "pressure_1": kpa * columns["p1"], "pressure_2": kpa * columns["p2"]}
     count = len(columns["F"])
     record = BenchmarkRecord(
         name="antagonist",

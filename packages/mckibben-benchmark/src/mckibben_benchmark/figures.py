@@ -44,9 +44,7 @@ def errors_figure(validation: Validation) -> Figure:
     width = (style.WIDE - NAMES - 0.12 - GAP * (len(validation.static) - 1)) / len(validation.static)
     for i, one in enumerate(validation.static):
         left = NAMES + i * (width + GAP)
-        ax = fig.add_axes(
-            (left / style.WIDE, FOOT / height, width / style.WIDE, ROW * len(laws) / height),
-        )
+        ax = fig.add_axes((left / style.WIDE, FOOT / height, width / style.WIDE, ROW * len(laws) / height))
         _panel(ax, one, laws)
         if i == 0:
             for y, law in enumerate(laws):

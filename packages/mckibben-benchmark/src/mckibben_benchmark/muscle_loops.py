@@ -258,11 +258,7 @@ class LoopStudy(Answer):
             "widths": [w.to_dict() for w in self.widths],
             "halves": halves,
             "branch_errors": self.branch_errors(),
-            "loop": {
-                "pressure": self.record.pressure,
-                "stroke": self.record.stroke,
-                "predicted": self.unseen.stroke,
-            },
+            "loop": {"pressure": self.record.pressure, "stroke": self.record.stroke, "predicted": self.unseen.stroke},
             "steps": [one.to_dict() for one in self.steps],
             "cannot": self.limits(),
         }

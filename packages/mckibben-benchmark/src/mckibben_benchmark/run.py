@@ -303,11 +303,7 @@ def scales(folds: Sequence[DataSplit], *, swing: bool = False) -> dict[tuple[str
 
 
 def score_record(
-    record: BenchmarkRecord,
-    predicted: object,
-    scored: np.ndarray,
-    fold: str,
-    scale: Mapping[tuple[str, str], float],
+    record: BenchmarkRecord, predicted: object, scored: np.ndarray, fold: str, scale: Mapping[tuple[str, str], float]
 ) -> list[RecordScore]:
     """Score a prediction, phase by phase.
 

@@ -22,17 +22,7 @@ if TYPE_CHECKING:
     from .serial_line import SerialHardware as SerialHardware
 
 __version__ = "1.0.0"
-__all__ = ["CalibrationSession", "DaqHardware", "SerialHardware", "bench_devices", "check_machine"]
 
 join(__name__)
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "bluesky": ["bench_devices"],
-        "calibrate": ["CalibrationSession"],
-        "commissioning": ["check_machine"],
-        "daq": ["DaqHardware"],
-        "serial_line": ["SerialHardware"],
-    },
-)
+lazy_names(__name__)

@@ -498,10 +498,7 @@ class _Judged:
             yield self.result(name, "answer", None, None, sentence)
             return
         pulls = self.force[self.samples.phase == "pull"]
-        values, force = (
-            (self.of(name, "pull") - self.change(name) - self.zero[name])[pulls > 0.0],
-            pulls[pulls > 0.0],
-        )
+        values, force = ((self.of(name, "pull") - self.change(name) - self.zero[name])[pulls > 0.0], pulls[pulls > 0.0])
         change = float(values[np.argmax(np.abs(values))])
         if abs(change) <= self.threshold(name) and self.travel() < 0.0:
             sentence = "cannot be tested while the motor moves the wrong way, or the encoder counts downwards"

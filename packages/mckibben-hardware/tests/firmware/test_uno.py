@@ -79,8 +79,7 @@ def test_every_sample_is_that_of_the_pins_and_every_command_reaches_them(built: 
 
 
 @pytest.mark.parametrize(
-    "fault",
-    ["power", "brown-out", "hang", "converter-stopped", "converter-stuck", "encoder-skips", "line"],
+    "fault", ["power", "brown-out", "hang", "converter-stopped", "converter-stuck", "encoder-skips", "line"]
 )
 def test_what_fails_vents(built: dict[str, Path], fault: str) -> None:
     with board(built, fault=f"{fault}@{FAULT_AT}", patience=0.05) as (hardware, one):

@@ -10,15 +10,7 @@ from hypothesis import strategies as st
 from serial_devices import Codec
 
 from mckibben_hardware.serial_line import messages
-from mckibben_hardware.serial_line.messages import (
-    LONGEST,
-    LONGEST_CODED,
-    Frames,
-    SerialFrame,
-    coded,
-    decoded,
-    frame,
-)
+from mckibben_hardware.serial_line.messages import LONGEST, LONGEST_CODED, Frames, SerialFrame, coded, decoded, frame
 
 # Zeros and runs of 254 and more are where COBS has its cases.
 BYTES = st.binary(max_size=60) | st.lists(

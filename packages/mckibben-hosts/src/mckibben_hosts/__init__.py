@@ -24,15 +24,6 @@ if TYPE_CHECKING:
     from .targets import export as export
 
 __version__ = "1.0.0"
-__all__ = ["MuscleCallbacks", "Part", "act_size", "conform", "export", "part_of"]
 
 join(__name__)
-lazy_names(
-    __name__,
-    {
-        "conformance": ["conform"],
-        "targets": ["export"],
-        "mujoco_muscles": ["MuscleCallbacks", "act_size"],
-        "part": ["Part", "part_of"],
-    },
-)
+lazy_names(__name__)

@@ -34,8 +34,7 @@ conform = VerbCommand(
 
 def export_part(
     source: Annotated[
-        str,
-        typer.Argument(metavar="CIRCUIT|SPECIMEN", help="Circuit file with muscles, or a muscle with usual air."),
+        str, typer.Argument(metavar="CIRCUIT|SPECIMEN", help="Circuit file with muscles, or a muscle with usual air.")
     ],
     target: Annotated[
         str,

@@ -18,15 +18,7 @@ from mckibben.extras import library
 
 from .adapters import HostAdapter, HostedMechanism, PartReadings
 from .c_source import c_source
-from .mujoco_muscles import (
-    SENSED,
-    MuscleCallbacks,
-    act_size,
-    actuator_roles,
-    export_mujoco,
-    plugin_name,
-    state_sizes,
-)
+from .mujoco_muscles import SENSED, MuscleCallbacks, act_size, actuator_roles, export_mujoco, plugin_name, state_sizes
 from .part import Part
 from .scenarios import HostMoment, Scenario
 

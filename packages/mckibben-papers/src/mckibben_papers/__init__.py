@@ -27,11 +27,4 @@ __version__ = "1.0.0"
 
 join(__name__)
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "figures": ["FIGURES", "PaperFigure", "figure"],
-        "reproduction": ["helped", "reproduce"],
-        "rows": ["PrintedRow", "RowOutcome"],
-    },
-)
+lazy_names(__name__)

@@ -11,13 +11,6 @@ import math
 import numpy as np
 
 from mckibben.analysis import characteristics
-from mckibben.analysis.characteristics import (
-    StaticCharacteristics,
-    circle_area,
-    static_characteristics,
-    stiffness_per_pressure,
-    work_of_shortening,
-)
 from mckibben.components import Environment
 from mckibben.muscles import braid
 from mckibben.muscles.biological import BiologicalMuscle
@@ -58,15 +51,15 @@ def line(kg: float, pa: float, lmin: float, fa: float) -> LinearThreshold:
 
 
 @functools.cache
-def table1(name: str) -> StaticCharacteristics:
+def table1(name: str) -> characteristics.StaticCharacteristics:
     """Compute the column of Table 1 for one of the three muscles, from its law and its measured diameter."""
     spec = specimen(name)
-    return static_characteristics(
+    return characteristics.static_characteristics(
         law_from_specimen(spec),
         pressure=PRESSURE,
         rest_length=spec.property_si("rest_length", "m"),
         upper_length=spec.property_si("upper_length", "m"),
-        section_area=circle_area(spec.property_si("diameter_shortened", "m")),
+        section_area=characteristics.circle_area(spec.property_si("diameter_shortened", "m")),
     )
 
 
@@ -80,7 +73,7 @@ def zero_force_angle() -> float:
 
 def kg(law: TensionLaw) -> float:
     """Kg of a law [m]."""
-    return stiffness_per_pressure(law, lengths=LENGTHS, pressure=PRESSURE)
+    return characteristics.stiffness_per_pressure(law, lengths=LENGTHS, pressure=PRESSURE)
 
 
 reproduces("static.stiffness_per_pressure", "m")(lambda: kg(law_from_specimen(specimen("nylon"), "thick_wall")))
@@ -107,7 +100,7 @@ def work_per_cycle(law: LinearThreshold) -> float:
     """Work from 1.1 to 0.75 L0 over L0 [N]; none below the free length, where the muscle is slack."""
     rest = float(law.rest_length)
     shortest = float(np.maximum(0.75 * rest, law.free_length(PRESSURE)))
-    return work_of_shortening(law, pressure=PRESSURE, longest=1.1 * rest, shortest=shortest) / rest
+    return characteristics.work_of_shortening(law, pressure=PRESSURE, longest=1.1 * rest, shortest=shortest) / rest
 
 
 def max_tension(law: LinearThreshold) -> float:
@@ -188,7 +181,7 @@ def capacitance(volume: float, temperature: float | None = None) -> float:
 
 def tube_inertance() -> float:
     """Inertance l/A of the tube [1/m], which is Pa s2/kg."""
-    return float(inertance(length=LENGTH, area=circle_area(DIAMETER)))
+    return float(inertance(length=LENGTH, area=characteristics.circle_area(DIAMETER)))
 
 
 @functools.cache

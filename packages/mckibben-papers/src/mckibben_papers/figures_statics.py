@@ -19,28 +19,7 @@ from mckibben.muscles.laws.ideal import Ideal
 from mckibben.muscles.laws.linear_threshold import LinearThreshold
 from mckibben.muscles.laws.thick_wall import ThickWall
 from mckibben.quantities import from_si
-from mckibben.report.figures import style
-from mckibben.report.figures.energy_figures import (
-    EfficiencyLine,
-    PrintedEfficiency,
-    draw_efficiency,
-    draw_piston,
-    draw_tendon,
-)
-from mckibben.report.figures.style import (
-    CAUTION,
-    COLOURS,
-    HAIR,
-    INK,
-    INK_2,
-    INK_3,
-    NORMAL,
-    RECORDING_DASHES,
-    RULE,
-    SMALL,
-    WIDE,
-    number,
-)
+from mckibben.report.figures import energy_figures, style
 from mckibben.specimens import specimen
 
 from . import computed, measured, part4
@@ -187,7 +166,7 @@ def figure_5d() -> Figure:
     fig, ax, handles = _over_length(
         "5d", "Nylon muscle: tension per pressure", ("Tension per pressure, N/bar", "tension"), *curves
     )
-    ax.axhline(0.0, color=INK_3, lw=style.HAIR)
+    ax.axhline(0.0, color=style.INK_3, lw=style.HAIR)
     rest = specimen("nylon").property_si("rest_length", "m")
     ends = [np.asarray(law.active_tension(rest, computed.PRESSURE)) / computed.PRESSURE * per_bar for law in laws()]
     free = [float(np.asarray(law.free_length(computed.PRESSURE))) / rest for law in laws()]
@@ -248,11 +227,11 @@ def figure_6a(figure: str = "6a") -> Figure:
         ("total", active + passive + beyond, ours("tension", lw=style.HEAVY + 0.3)),
         ("active: Kg (P′ − Pth)(L − Lmin)", active, ours("tension", ls=WALL)),
         ("passive: Kp (L − L₀)", passive, ours("tension", ls=style.RECORDING_DASHES[2])),
-        ("non-linear: nl(L), inferred", beyond, ours(None, color=INK_3, ls=(0, (5, 1.7, 1.2, 1.7)))),
+        ("non-linear: nl(L), inferred", beyond, ours(None, color=style.INK_3, ls=(0, (5, 1.7, 1.2, 1.7)))),
     )
     for words, curve, look in terms:
         ax.plot(at * CM, curve, gid=words.split(":")[0], **look)
-    ax.axhline(0.0, color=INK_3, lw=style.HAIR, zorder=1)
+    ax.axhline(0.0, color=style.INK_3, lw=style.HAIR, zorder=1)
     rest = float(law.rest_length) * CM
     marks = {0.75 * rest: 0.0, 1.1 * rest: printed("static.max_tension")}
     ax.plot(list(marks), list(marks.values()), **MARK)
@@ -287,14 +266,14 @@ def figure_6b(figure: str = "6b") -> Figure:
     for level in levels:
         ax.plot(span * CM, np.asarray(law.tension(span, level / BAR)), **PRINTED, zorder=2)
     cross: dict[str, Any] = {"ls": "none", "ms": 7.0, "mew": 1.4, "zorder": 6}
-    ax.plot(length * CM, tension, marker="+", color=COLOURS["tension"], gid="tension", **cross)
-    looks = MARK | {"ms": 8.5, "mfc": "none", "mec": INK_2, "mew": 0.9, "zorder": 5}
+    ax.plot(length * CM, tension, marker="+", color=style.COLOURS["tension"], gid="tension", **cross)
+    looks = MARK | {"ms": 8.5, "mfc": "none", "mec": style.INK_2, "mew": 0.9, "zorder": 5}
     ax.plot(length * CM, fit.tension(length, pressure), gid="eq. 13", **looks)
     ax.set_ylim(0.0, 84.0)
     ax.set_xlim(float(span[0]) * CM - 0.1, float(span[1]) * CM + 0.1)
     style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
     other = right_axis(ax, "Pressure, bar", "pressure")
-    other.plot(length * CM, pressure * BAR, marker="x", color=COLOURS["pressure"], gid="pressure", **cross)
+    other.plot(length * CM, pressure * BAR, marker="x", color=style.COLOURS["pressure"], gid="pressure", **cross)
     other.set_ylim(0.0, 7.0)
     title(ax, figure, "Eq. 13 through ten points, nylon muscle")
     beside = 34.0
@@ -313,8 +292,8 @@ def figure_6b(figure: str = "6b") -> Figure:
     key(
         ax,
         [
-            sample("sampled pressure", marker="x", color=COLOURS["pressure"], ls="none", ms=7.0, mew=1.4),
-            sample("sampled tension", marker="+", color=COLOURS["tension"], ls="none", ms=7.0, mew=1.4),
+            sample("sampled pressure", marker="x", color=style.COLOURS["pressure"], ls="none", ms=7.0, mew=1.4),
+            sample("sampled tension", marker="+", color=style.COLOURS["tension"], ls="none", ms=7.0, mew=1.4),
             sample("eq. 13, fitted", **plain),
             printed_key("paper: eq. 13 at " + ", ".join(map(str, levels)) + " bar", line=True),
         ],
@@ -323,7 +302,7 @@ def figure_6b(figure: str = "6b") -> Figure:
     return fig
 
 
-NO_FRICTION, POTENTIAL = RECORDING_DASHES[1], RECORDING_DASHES[2]
+NO_FRICTION, POTENTIAL = style.RECORDING_DASHES[1], style.RECORDING_DASHES[2]
 CYCLE_HEIGHT, ABOVE = 4.0, 36.0  # of the figures [inch], and of their titles over the axes [pt]
 
 
@@ -355,8 +334,12 @@ def figure_12c() -> Figure:
     """Efficiency of the maximal cycle over pressure."""
     fig, ax = panel(CYCLE_HEIGHT, beside=3.85)
     # As printed, and with friction and the volume of the potential.
-    looks = (("paper", True, "-", INK), ("paper", False, NO_FRICTION, INK), ("potential", True, POTENTIAL, INK_3))
-    draw_efficiency(ax, _efficiency_lines(looks), _printed_marks())
+    looks = (
+        ("paper", True, "-", style.INK),
+        ("paper", False, NO_FRICTION, style.INK),
+        ("potential", True, POTENTIAL, style.INK_3),
+    )
+    energy_figures.draw_efficiency(ax, _efficiency_lines(looks), _printed_marks())
     ax.set_ylim(0.0, 80.0)  # without friction and with the accumulator the threshold would come to 100 %
     title(ax, "12c", "Maximal shortening at constant pressure: efficiency Ea", above=ABOVE)
     rows = [
@@ -369,35 +352,35 @@ def figure_12c() -> Figure:
     key(
         ax,
         [
-            sample("with 2.5 N of friction", color=INK, lw=style.LINE),
-            sample("without", color=INK, ls=NO_FRICTION),
-            sample("volume of the potential", color=INK_3, ls=POTENTIAL),
+            sample("with 2.5 N of friction", color=style.INK, lw=style.LINE),
+            sample("without", color=style.INK, ls=NO_FRICTION),
+            sample("volume of the potential", color=style.INK_3, ls=POTENTIAL),
         ],
         dx=82.0,
     )
     return fig
 
 
-def _efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[EfficiencyLine]:
+def _efficiency_lines(looks: Sequence[tuple[str, bool, Any, str]]) -> list[energy_figures.EfficiencyLine]:
     """Curves of Fig. 12c for looks of a volume, of whether there is friction, a dash and a colour; the first has words."""
-    lines: list[EfficiencyLine] = []
+    lines: list[energy_figures.EfficiencyLine] = []
     for volume, friction, dash, colour in looks:
         for accumulator, words in ((False, "surroundings"), (True, "accumulator")):
             muscle, between = part4.muscle(volume), part4.conditions(accumulator=accumulator, friction=friction)
             low = 1e-3 + float(muscle.threshold())
             at = low + (10e5 - low) * np.linspace(0.0, 1.0, 121)[1:] ** 2  # dense where it rises
             curve = energy_curve(muscle, "maximal", at, between)
-            lines.append(EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
+            lines.append(energy_figures.EfficiencyLine(words if len(lines) < 2 else "", curve, dash, colour))
     return lines
 
 
-def _printed_marks() -> list[PrintedEfficiency]:
+def _printed_marks() -> list[energy_figures.PrintedEfficiency]:
     """Printed efficiencies of the maximal cycle at 5 bar."""
     right, wrong = (part4.printed(f"maximal.efficiency{more}") for more in ("", "_accumulator"))
     joules = part4.printed("maximal.output") / part4.printed("maximal.input_accumulator")
     return [
-        PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
-        PrintedEfficiency(
+        energy_figures.PrintedEfficiency(part4.PRESSURE, right, f"printed {100.0 * right:.0f} %"),
+        energy_figures.PrintedEfficiency(
             part4.PRESSURE,
             wrong,
             f"printed {100.0 * wrong:.0f} %, from its joules {100.0 * joules:.0f} %",
@@ -433,7 +416,7 @@ def figure_13b() -> Figure:
 
 def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
     fig, ax = panel(CYCLE_HEIGHT)
-    draw_piston(ax, loops)
+    energy_figures.draw_piston(ax, loops)
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
@@ -441,7 +424,7 @@ def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence
 
 def _tendon(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
     fig, ax = panel(CYCLE_HEIGHT)
-    draw_tendon(ax, loops)
+    energy_figures.draw_tendon(ax, loops)
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
@@ -467,11 +450,11 @@ def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
     """The rows in the paper's order: property, unit, and a cell for each muscle and for biological muscle."""
     bio = computed.biological()
     ends = characteristics.dynamic_range(bio.active_curve)
-    top, speed = number(computed.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), number(computed.FASTEST)
+    top, speed = style.number(computed.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), style.number(computed.FASTEST)
     each = tuple(MUSCLES)
     blank = (TableEntry(), TableEntry())
     return [
-        ("Resting length (L₀)", "cm", (*(_taken(number(_rest(m) * CM)) for m in each), TableEntry())),
+        ("Resting length (L₀)", "cm", (*(_taken(style.number(_rest(m) * CM)) for m in each), TableEntry())),
         (
             "Dynamic range",
             "L₀",
@@ -524,7 +507,9 @@ def _range(muscle: str) -> TableEntry:
     shortest, upper = (v / column.rest_length for v in (column.zero_tension_length, column.upper_length))
     width = outcome(f"table1.{muscle}.dynamic_range").row.paper
     assert isinstance(width, float)
-    return TableEntry(f"{shortest:.3f}–{upper:.2f}", f"{number(round(upper - width, 3))}–{number(round(upper, 3))}")
+    return TableEntry(
+        f"{shortest:.3f}–{upper:.2f}", f"{style.number(round(upper - width, 3))}–{style.number(round(upper, 3))}"
+    )
 
 
 def _fastest() -> TableEntry:
@@ -546,45 +531,45 @@ def table(figure: str) -> Figure:
     """Draw the table, our values in bold and the printed ones in brackets."""
     rows = cells()
     high = HEAD + ROW * len(rows) + FOOT
-    fig = style.drawing(WIDE, high)
+    fig = style.drawing(style.WIDE, high)
     ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
-    ax.set_xlim(0.0, WIDE)
+    ax.set_xlim(0.0, style.WIDE)
     ax.set_ylim(high, 0.0)
-    ax.text(COLUMNS[0], 0.25, label(figure), fontsize=NORMAL, fontweight="bold", va="center")
+    ax.text(COLUMNS[0], 0.25, label(figure), fontsize=style.NORMAL, fontweight="bold", va="center")
     words = "McKibben and biological muscles at 5 bar: ours, and printed in brackets"
-    ax.text(COLUMNS[0] + 1.1, 0.25, words, fontsize=SMALL, color=INK_3, va="center")
+    ax.text(COLUMNS[0] + 1.1, 0.25, words, fontsize=style.SMALL, color=style.INK_3, va="center")
     for x, words in zip(COLUMNS, ("", *MUSCLES.values(), "Biological muscles"), strict=True):
-        ax.text(x, HEAD - 0.2, words, fontsize=SMALL, fontweight="bold", va="center", color=INK_2)
+        ax.text(x, HEAD - 0.2, words, fontsize=style.SMALL, fontweight="bold", va="center", color=style.INK_2)
     lines = [HEAD - 0.05, HEAD + ROW * len(rows) + 0.02]
     for y in lines:
-        ax.plot([COLUMNS[0], WIDE - 0.3], [y, y], color=INK_3, lw=0.8)
+        ax.plot([COLUMNS[0], style.WIDE - 0.3], [y, y], color=style.INK_3, lw=0.8)
     for i, (words, unit, row) in enumerate(rows):
         y = HEAD + ROW * (i + 0.5)
         head = words if unit == "-" else f"{words}, {unit}"
-        ax.text(COLUMNS[0], y, head, fontsize=SMALL, va="center_baseline", color=INK)
+        ax.text(COLUMNS[0], y, head, fontsize=style.SMALL, va="center_baseline", color=style.INK)
         for x, cell in zip(COLUMNS[1:], row, strict=True):
             _write(ax, x, y, cell)
         if i:
-            ax.plot([COLUMNS[0], WIDE - 0.3], [HEAD + ROW * i] * 2, color=RULE, lw=HAIR, zorder=1)
+            ax.plot([COLUMNS[0], style.WIDE - 0.3], [HEAD + ROW * i] * 2, color=style.RULE, lw=style.HAIR, zorder=1)
     foot = (
         "* an input of ours was inferred from the print   ‡ ours is taken from the paper   "
         "† misprint: 2.59 J over 5.50 J is 0.471   § open",
         "Friction of fiberglass and Bridgestone and all powers come from recordings; their notes are with the rows.",
     )
     for i, words in enumerate(foot):
-        ax.text(COLUMNS[0], high - FOOT + 0.28 + 0.2 * i, words, fontsize=SMALL, color=INK_3, va="center")
+        ax.text(COLUMNS[0], high - FOOT + 0.28 + 0.2 * i, words, fontsize=style.SMALL, color=style.INK_3, va="center")
     return fig
 
 
 def _write(ax: Axes, x: float, y: float, cell: TableEntry) -> None:
-    look: dict[str, Any] = {"fontsize": SMALL, "va": "center_baseline"}
+    look: dict[str, Any] = {"fontsize": style.SMALL, "va": "center_baseline"}
     paper = f"({cell.paper})" if cell.paper else ""
     if not cell.ours:
-        ax.text(x, y, paper or "–", color=INK_3 if not paper else INK_2, **look)
+        ax.text(x, y, paper or "–", color=style.INK_3 if not paper else style.INK_2, **look)
         return
-    first = ax.text(x, y, cell.ours + cell.mark.replace("†", ""), color=INK, fontweight="bold", **look)
-    colour = CAUTION if cell.mark == "†" else INK_2
+    first = ax.text(x, y, cell.ours + cell.mark.replace("†", ""), color=style.INK, fontweight="bold", **look)
+    colour = style.CAUTION if cell.mark == "†" else style.INK_2
     style.beside(
         ax, paper + ("†" if cell.mark == "†" else ""), (1.0, 0.0), (6, 0), xycoords=first, va="bottom", color=colour
     )

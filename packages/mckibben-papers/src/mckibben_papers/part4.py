@@ -11,15 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mckibben.analysis.energy import (
-    Conditions,
-    CycleMuscle,
-    EnergyCycle,
-    best_pressure,
-    cycle_muscle,
-    energy_curve,
-    energy_cycle,
-)
+from mckibben.analysis import energy
 from mckibben.components import Environment
 from mckibben.quantities import from_si, parse
 from mckibben.specimens import specimen
@@ -32,9 +24,9 @@ PRESSURE = 5e5  # [Pa]
 PRESSURES = np.linspace(1e5, 10e5, 91)  # of Fig. 12c, where the largest Wa/W12 is sought [Pa]
 
 
-def muscle(volume: str = "paper") -> CycleMuscle:
+def muscle(volume: str = "paper") -> energy.CycleMuscle:
     """Muscle of Part IV: eq. 13 as printed, with a volume of `VOLUMES`."""
-    return cycle_muscle(computed.line(computed.KG, computed.PA, computed.LMIN, computed.FA), volume)
+    return energy.cycle_muscle(computed.line(computed.KG, computed.PA, computed.LMIN, computed.FA), volume)
 
 
 def stretched_length() -> float:
@@ -42,9 +34,9 @@ def stretched_length() -> float:
     return specimen(MUSCLE).property_si("stretched_length", "m")
 
 
-def conditions(*, accumulator: bool = False, friction: bool = True, reading: str = "printed") -> Conditions:
+def conditions(*, accumulator: bool = False, friction: bool = True, reading: str = "printed") -> energy.Conditions:
     """Conditions of the cycles of Part IV, at 5 bar; the accumulator is at the threshold."""
-    return Conditions(
+    return energy.Conditions(
         pressure=PRESSURE,
         stretched_length=stretched_length(),
         ambient=Environment.of_the_papers(),
@@ -57,10 +49,10 @@ def conditions(*, accumulator: bool = False, friction: bool = True, reading: str
 @functools.cache
 def cycle(
     name: str, *, accumulator: bool = False, friction: bool = True, reading: str = "printed", volume: str = "paper"
-) -> EnergyCycle:
+) -> energy.EnergyCycle:
     """A cycle at 5 bar."""
     between = conditions(accumulator=accumulator, friction=friction, reading=reading)
-    return energy_cycle(muscle(volume), name, between)
+    return energy.energy_cycle(muscle(volume), name, between)
 
 
 def printed(identifier: str) -> float:
@@ -68,7 +60,7 @@ def printed(identifier: str) -> float:
     return rows.printed(f"energy.{identifier}")
 
 
-def printed_cycle(of: str, name: str, between: Conditions) -> dict[tuple[str, bool], Any]:
+def printed_cycle(of: str, name: str, between: energy.Conditions) -> dict[tuple[str, bool], Any]:
     """Values that the paper prints for a cycle, by name and whether there is an accumulator; empty for another cycle.
 
     Args:
@@ -153,14 +145,14 @@ def maximal_efficiency_accumulator() -> ComputedValue:
 @reproduces("energy.maximal.best_pressure", "Pa")
 def maximal_best_pressure() -> ComputedValue:
     """Pressure of the largest efficiency Ea of maximal shortening."""
-    at, share = best_pressure(muscle(), "maximal", conditions())
-    high = energy_curve(muscle(), "maximal", [10e5], conditions()).cycles.efficiency[0]
+    at, share = energy.best_pressure(muscle(), "maximal", conditions())
+    high = energy.energy_curve(muscle(), "maximal", [10e5], conditions()).cycles.efficiency[0]
     return ComputedValue(at, f"Ea is {share:.4f} there and still {high:.3f} at 10 bar")
 
 
-def largest_share(of: CycleMuscle, between: Conditions) -> tuple[float, float]:
+def largest_share(of: energy.CycleMuscle, between: energy.Conditions) -> tuple[float, float]:
     """Largest ratio Wa/W12 of maximal shortening, and its pressure [Pa]."""
-    cycles = energy_curve(of, "maximal", PRESSURES, between).cycles
+    cycles = energy.energy_curve(of, "maximal", PRESSURES, between).cycles
     share = cycles.output / cycles.delivery
     return float(np.nanmax(share)), float(PRESSURES[int(np.nanargmax(share))])
 

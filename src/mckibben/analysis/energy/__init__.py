@@ -9,50 +9,24 @@ longer report of the same work, whose Part IV this is.
 """
 
 from ..._lazy import lazy_submodules
-from .cycles import (
-    CYCLES,
-    READINGS,
-    VOLUMES,
-    Conditions,
-    CycleMuscle,
-    EnergyCycle,
-    cycle_muscle,
-    energy_cycle,
-    has_paper_volume,
-)
-from .working_cycles import (
-    LOSSES,
-    CycleLoops,
-    CyclePath,
-    EnergyCurve,
-    WorkingCycles,
-    best_pressure,
-    cycle_loops,
-    energy,
-    energy_curve,
-    zero_pressure,
-)
-
-__all__ = [
-    "CYCLES",
-    "LOSSES",
-    "READINGS",
-    "VOLUMES",
-    "Conditions",
-    "CycleLoops",
-    "CycleMuscle",
-    "CyclePath",
-    "EnergyCurve",
-    "EnergyCycle",
-    "WorkingCycles",
-    "best_pressure",
-    "cycle_loops",
-    "cycle_muscle",
-    "energy",
-    "energy_curve",
-    "energy_cycle",
-    "has_paper_volume",
-    "zero_pressure",
-]
+from .cycles import CYCLES as CYCLES
+from .cycles import READINGS as READINGS
+from .cycles import VOLUMES as VOLUMES
+from .cycles import Conditions as Conditions
+from .cycles import CycleMuscle as CycleMuscle
+from .cycles import EnergyCycle as EnergyCycle
+from .cycles import cycle_muscle as cycle_muscle
+from .cycles import energy_cycle as energy_cycle
+from .cycles import has_paper_volume as has_paper_volume
+from .working_cycles import LOSSES as LOSSES
+from .working_cycles import CycleLoops as CycleLoops
+from .working_cycles import CyclePath as CyclePath
+from .working_cycles import EnergyCurve as EnergyCurve
+from .working_cycles import WorkingCycles as WorkingCycles
+from .working_cycles import best_pressure as best_pressure
+from .working_cycles import cycle_loops as cycle_loops
+from .working_cycles import energy as energy
+from .working_cycles import energy_curve as energy_curve
+from .working_cycles import zero_pressure as zero_pressure
 
 lazy_submodules(__name__)

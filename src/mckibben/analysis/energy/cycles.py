@@ -366,7 +366,9 @@ def computed(muscle: CycleMuscle, name: str, c: Conditions, pressure: np.ndarray
         delivery = along(lambda x: _isotonic_power(probe, x, _wide(inside), low, _wide(high)), end, long)
         delivered = inside * (long - end)
     throttling = (high - low) * (short - rest) - fill - delivery if name == "valve" else np.zeros_like(high)
-    exhaust = _exergy(c, high, short)
+    # Isothermal work that the air of a volume at the highest pressure could do down to the exchange [J], eq. 34
+    top, bottom = (p + float(c.ambient.pressure_abs) for p in (high, c.exchange_pressure))
+    exhaust = np.asarray(top * short * (np.log(top / bottom) - 1.0 + bottom / top))
     taut = rising_root(lambda x: probe.tension(x, low), end, np.full_like(high, long))
     taken = along(lambda x: probe.tension(x, low) + c.return_friction, taut, long)
     rubbed = c.friction * (long - end)
@@ -424,12 +426,6 @@ def _isotonic_power(probe: Probe, length: np.ndarray, inside: Any, low: Scalar, 
     swell = volume_by_length - volume_by_pressure * tension_by_length / pulls
     isotonic_power: np.ndarray = -(p - low) * swell
     return isotonic_power
-
-
-def _exergy(c: Conditions, high: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """Isothermal work that the air of a volume at the highest pressure could do down to the exchange [J], eq. 34."""
-    top, bottom = (p + float(c.ambient.pressure_abs) for p in (high, c.exchange_pressure))
-    return np.asarray(top * volume * (np.log(top / bottom) - 1.0 + bottom / top))
 
 
 def _filling(probe: Probe, length: Scalar, low: Scalar, high: Scalar) -> np.ndarray:

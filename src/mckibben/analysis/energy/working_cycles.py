@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ... import verbs
 from ...accessors import Accessor
 from ...answers import Answer, Caution, Column, Table, brief, collect
 from ...components import Environment
@@ -23,20 +24,6 @@ from ...muscles.muscle import muscle as built_muscle
 from ...muscles.plausible import free_length_caution, length_caution, pressure_caution, usual_pressure
 from ...quantities import values, with_unit
 from ...specimens import Specimen, muscle_specimen
-from ...verbs import (
-    Changes,
-    Contraction,
-    CycleName,
-    Force,
-    LawName,
-    Length,
-    MuscleName,
-    Pressure,
-    ReadingName,
-    VolumeName,
-    typed,
-    verb,
-)
 from . import cycles as one_cycle
 from .cycles import (
     CYCLES,
@@ -427,22 +414,22 @@ class WorkingCycles(Answer):
         return f"WorkingCycles({self.specimen.id}, {with_unit(self.conditions.pressure, 'Pa')}: {shares})"
 
 
-@verb
+@verbs.verb
 def energy(
-    muscle: MuscleName,
+    muscle: verbs.MuscleName,
     *,
-    pressure: Pressure | None = None,
-    cycles: CycleName | Sequence[CycleName] | None = None,
+    pressure: verbs.Pressure | None = None,
+    cycles: verbs.CycleName | Sequence[verbs.CycleName] | None = None,
     accumulator: bool = False,
-    accumulator_pressure: Pressure | None = None,
-    friction: Force | None = None,
-    reading: ReadingName = "printed",
-    volume: VolumeName | None = None,
-    stretched_length: Length | None = None,
-    contraction: Contraction | None = None,
-    ambient: Pressure | None = None,
-    law: LawName | None = None,
-    parameters: Changes | None = None,
+    accumulator_pressure: verbs.Pressure | None = None,
+    friction: verbs.Force | None = None,
+    reading: verbs.ReadingName = "printed",
+    volume: verbs.VolumeName | None = None,
+    stretched_length: verbs.Length | None = None,
+    contraction: verbs.Contraction | None = None,
+    ambient: verbs.Pressure | None = None,
+    law: verbs.LawName | None = None,
+    parameters: verbs.Changes | None = None,
     curves: bool = False,
 ) -> WorkingCycles:
     """Compute input, output and efficiency of a muscle's working cycles.
@@ -497,18 +484,18 @@ def energy(
     length, longest = conditions.stretched_length, float(own.law.length_range()[1])
     said = collect(
         *law_cautions(spec, own.law),
-        pressure_caution(conditions.pressure, spec, text=typed(pressure)),
+        pressure_caution(conditions.pressure, spec, text=verbs.typed(pressure)),
         free_length_caution(own.law, [conditions.pressure], spec) if "maximal" in names else None,
         None
         if stretched_length is None
-        else length_caution(length, longest, text=typed(stretched_length), name="stretched length"),
+        else length_caution(length, longest, text=verbs.typed(stretched_length), name="stretched length"),
     )
     whole = WorkingCycles(spec, law, which, conditions, muscles, computed, {}, said)
     return replace(whole, curves={n: whole.curve(n) for n in names}) if curves else whole
 
 
 def _described(
-    muscle: str | os.PathLike[str] | Specimen | Muscle, law: str | None, changes: Changes | None
+    muscle: str | os.PathLike[str] | Specimen | Muscle, law: str | None, changes: verbs.Changes | None
 ) -> tuple[Specimen, dict[str, float], str | None]:
     """Specimen, cut where its rest length was changed; other changed parameters, and name of the law."""
     if isinstance(muscle, Muscle):

@@ -71,10 +71,6 @@ class Scale(Module):
         """Convert a count to the value of the channel [unit of the channel]."""
         return self.low + code * self.resolution
 
-    def at_rail(self, code: Scalar) -> tuple[Scalar, Scalar]:
-        """Whether a count is the lowest, and whether it is the highest."""
-        return code <= 0.0, code >= self.counts - 1.0
-
 
 class Converter(Scale):
     """Analogue-to-digital converter."""

@@ -191,13 +191,7 @@ class SimulatedMachine:
     """
 
     def __init__(
-        self,
-        plant: InstrumentedPlant,
-        carry: sampled.Carry,
-        rows: SampleRows,
-        timing: Timing,
-        *,
-        ahead: float = 0.0,
+        self, plant: InstrumentedPlant, carry: sampled.Carry, rows: SampleRows, timing: Timing, *, ahead: float = 0.0
     ) -> None:
         period = timing.period
         self.names = plant.converters.names

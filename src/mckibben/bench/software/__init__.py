@@ -9,9 +9,4 @@ if TYPE_CHECKING:
     from .controllers import first_trim as first_trim
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "controllers": ["bounded", "first_trim"],
-    },
-)
+lazy_names(__name__)

@@ -71,7 +71,9 @@ class BraidInSeats(TensionLaw):
         return u
 
     def _force(self, length: Scalar, pressure: Scalar) -> Scalar:
-        return derivative(lambda x: self._potential(x, pressure), length)  # its parts would settle once more, without gas
+        return derivative(
+            lambda x: self._potential(x, pressure), length
+        )  # its parts would settle once more, without gas
 
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         energy: Scalar = _potential(self.braid(), self.seat_compliance, length, pressure)

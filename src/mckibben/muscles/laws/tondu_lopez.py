@@ -56,10 +56,7 @@ class TonduLopez(TensionLaw):
         lift = bladder.least_upper_volume(slope, self.upper_length, self.thread_strain) - upper
         lift = jnp.maximum(lift, 0.0)
         return bladder.gas_energy(
-            pressure,
-            self._volume(length, k) + lift,
-            upper_volume=upper + lift,
-            threshold_width=self.threshold_width,
+            pressure, self._volume(length, k) + lift, upper_volume=upper + lift, threshold_width=self.threshold_width
         )
 
     def end_factor_at(self, pressure: Scalar) -> Scalar:

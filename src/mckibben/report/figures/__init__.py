@@ -11,11 +11,4 @@ if TYPE_CHECKING:
     from .run_figures import joint_figure as joint_figure
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {
-        "run_figures": ["joint_figure"],
-        "muscle_figures": ["DrawnLoop", "loop_figure"],
-        "recording_figures": ["time_figure"],
-    },
-)
+lazy_names(__name__)

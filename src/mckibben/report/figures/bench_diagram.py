@@ -105,13 +105,13 @@ class _Drawing:
         """Draw supply, valve, tube, muscle, cord and motor, from left to right."""
         p, near, far = self.plumbing, TAPS["valve_pressure"], TAPS["pressure"]
         self.put(source().marks, 52.0, TOP)
-        supply = self.of("supply_pressure", with_unit(_si(p.supply_pressure), "Pa", 3))
+        supply = self.of("supply_pressure", with_unit(float(p.supply_pressure), "Pa", 3))
         self.write([Words("supply", SMALL, True, INK), Words(supply)], LEFT + 9.0, TOP + 36.0, "left")
         self.marks += [line((52.0, TOP), (VALVE, TOP)), line((VALVE, TOP), (far, TOP))]
         self.box(VALVE - 22.0, TOP + 14.0, 44.0, 28.0, [Words("valve", SMALL, True, INK)])
         delay = p.valve.delay()
         if delay is not None:
-            late = self.of("valve.dead_time", f"dead time {time_words(_si(delay))}")
+            late = self.of("valve.dead_time", f"dead time {time_words(float(delay))}")
             self.write([Words(late)], VALVE + 8.0, TOP - 24.0, "left")
         middle = 0.5 * (near + far)
         self.marks.append(line((middle - 34.0, TOP), (middle + 34.0, TOP), width=3.0, colour=SUNKEN))
@@ -119,8 +119,8 @@ class _Drawing:
         self.write(self._tube_words(), middle, TOP + 36.0, "center")
         self.put([dot()], near, TOP)
         for x, key in ((near, "valve_accumulator"), (far, "muscle_accumulator")):
-            if p.has_muscle and _si(getattr(p, key)) > 0.0:
-                size = self.of(key, with_unit(_si(getattr(p, key)), "m^3", 3).replace("^3", "\N{SUPERSCRIPT THREE}"))
+            if p.has_muscle and float(getattr(p, key)) > 0.0:
+                size = self.of(key, with_unit(float(getattr(p, key)), "m^3", 3).replace("^3", "\N{SUPERSCRIPT THREE}"))
                 self.write([Words("accumulator"), Words(size)], x, TOP + 58.0, "center")
         if not p.has_muscle:
             self.box(far, TOP + 14.0, 74.0, 28.0, [Words("accumulator", SMALL, True, INK)])
@@ -138,13 +138,13 @@ class _Drawing:
         if motor is None:
             self.marks.append(line((wall, TOP - 18.0), (wall, TOP + 18.0), width=2.4))
             return
-        force = self.of("torque_constant", with_unit(_si(motor.largest_force), "N", 3), "motor")
+        force = self.of("torque_constant", with_unit(float(motor.largest_force), "N", 3), "motor")
         self.box(wall, TOP + 18.0, 68.0, 36.0, [Words("motor", SMALL, True, INK), Words(force)])
 
     def _tube_words(self) -> list[Words]:
         sizes = {name: getattr(self.plumbing.tube, name, None) for name in ("length", "diameter")}
         words = [
-            self.of(f"tube.{n}", f"{from_si(_si(v), 'm', 'mm'):.4g} mm") for n, v in sizes.items() if v is not None
+            self.of(f"tube.{n}", f"{from_si(float(v), 'm', 'mm'):.4g} mm") for n, v in sizes.items() if v is not None
         ]
         return [Words("tube", SMALL, True, INK), *([Words(", ".join(words))] if words else [])]
 
@@ -177,19 +177,19 @@ class _Drawing:
         if not isinstance(one, Sensor):
             edges = self.of("edges", f"{one.edges} edges each", "encoder")
             return [Words(self.of("steps_per_turn", f"{one.steps_per_turn} steps a turn", "encoder")), Words(edges)]
-        low, high = (with_unit(_si(v), SENSORS[name].unit, 4) for v in (one.low, one.high))
-        cutoff = self.of("cutoff", f"filter {_si(one.cutoff):g} Hz", f"sensors.{name}")
+        low, high = (with_unit(float(v), SENSORS[name].unit, 4) for v in (one.low, one.high))
+        cutoff = self.of("cutoff", f"filter {float(one.cutoff):g} Hz", f"sensors.{name}")
         return [Words(self.of("high", f"{low} to {high}", f"sensors.{name}")), Words(cutoff)]
 
     def _converter_words(self, name: str, one: Any) -> list[Words]:
         if isinstance(one, Sensor):
-            each, kind, bits = _step(_si(one.resolution), SENSORS[name].unit), "converter", one.converter.bits
+            each, kind, bits = _step(float(one.resolution), SENSORS[name].unit), "converter", one.converter.bits
         else:
-            each, kind, bits = _step(_si(one.resolution), "m"), "counter", one.counter_bits
+            each, kind, bits = _step(float(one.resolution), "m"), "counter", one.counter_bits
         return [Words(kind, SMALL, True, INK), Words(f"{bits} bits, {each}")]
 
     def _output_words(self, name: str, out: AnalogOut, unit: str) -> list[Words]:
-        each = _step(_si(out.resolution), unit)
+        each = _step(float(out.resolution), unit)
         head = Words(f"output, {name}", SMALL, True, INK)
         return [head, Words(f"{out.bits} bits, {each}"), Words("holds until the next")]
 
@@ -212,7 +212,7 @@ class _Drawing:
         for (x, *_), (following, *_) in zip(rows, rows[1:], strict=False):
             self.lead([(x + 59.0, WORK - 15.0), (following - 59.0, WORK - 15.0)], INK)
         self.marks.append(line((WATCH, WORK - 30.0), (WATCH, COMMANDS), dash=DASH, colour=COLOURS["valve"]))
-        latency = self.of("latency", _micro(time_words(_si(self.rig.computer.latency))), "computer")
+        latency = self.of("latency", _micro(time_words(float(self.rig.computer.latency))), "computer")
         self.write([Words(f"commands, {latency} after the sample")], VALVE + 8.0, COMMANDS + 13.0, "left")
 
     # ---- strokes and words
@@ -248,10 +248,6 @@ def _columns(names: list[str]) -> tuple[dict[str, float], float]:
     first, last = min(TAPS.values()), max(TAPS.values())
     apart = (last - first) / (len(names) - 1)
     return {name: first + i * apart for i, name in enumerate(names)}, min(BOX, apart - 4.0)
-
-
-def _si(value: Any) -> float:
-    return float(value)
 
 
 def _step(size: float, unit: str) -> str:

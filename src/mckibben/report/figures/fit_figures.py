@@ -357,7 +357,9 @@ def hold_out(fit: Fit) -> Figure | None:
     """
     if fit.holdout is None:
         return None
-    points, out = fit.points, _held_out(fit)
+    points = fit.points
+    # The separate fit was not shown the points at the highest pressures
+    out: np.ndarray = points.pressure > np.sort(points.pressure)[fit.holdout.trained_on - 1]
     error = np.full(len(points), np.nan)
     error[out] = fit.holdout.error
     fig = style.figure(style.WIDE, 3.7)
@@ -379,14 +381,6 @@ def hold_out(fit: Fit) -> Figure | None:
     _band(right, 0.03 * points.largest, label=True, percent="3")
     style.note(left, "shown to the fit", x=0.04, y=0.95, color=COLOURS["pressure"])
     return fig
-
-
-def _held_out(fit: Fit) -> np.ndarray:
-    """Mask of the points that the separate fit was not shown: the highest pressures."""
-    assert fit.holdout is not None
-    highest = np.sort(fit.points.pressure)[fit.holdout.trained_on - 1]
-    held_out: np.ndarray = fit.points.pressure > highest
-    return held_out
 
 
 def _draw_predictions(ax: Axes, points: ForceMap, pressure: np.ndarray, error: np.ndarray, out: np.ndarray) -> None:

@@ -481,7 +481,10 @@ def muscle_html(muscle: Muscle) -> str:
     if not muscle.is_biological:
         plots = MusclePlots(muscle)
         braid = muscle_figures.stated_braid(muscle.law, muscle.specimen)
-        picture = _picture(plots.force_map() if braid is None else plots.braid())
+        ax = plots.force_map() if braid is None else plots.braid()
+        assert isinstance(ax, ShownAxes)
+        text = ax._repr_svg_()
+        picture = f"<div>{text[text.index('<svg') :]}</div>"
     return _table(muscle.title, repr(muscle), ("symbol", "meaning", "value", "unit", "source"), rows) + picture
 
 
@@ -493,12 +496,6 @@ def recording_html(recording: Recording) -> str:
         rows.append((name, s["kind"], low, high, _unit(s["unit"]), recording.channels[name].meaning))
     head = ("channel", "kind", "lowest", "highest", "unit", "meaning")
     return _table(str(recording.meta.get("title", "Recording")), repr(recording), head, rows)
-
-
-def _picture(ax: Axes) -> str:
-    assert isinstance(ax, ShownAxes)
-    text = ax._repr_svg_()
-    return f"<div>{text[text.index('<svg') :]}</div>"
 
 
 def _value(value: Any, unit: str) -> tuple[str, str]:

@@ -306,10 +306,7 @@ def _levels(fit: CircuitFit, trials: Sequence[Trial], channels: Sequence[str]) -
     low, high = float(known.min()), float(known.max())
     room = 0.6 * max(high - low, 0.01 * high, 1.0)
     model = np.concatenate([fit.predicted[t.name][c] for t in trials for c in channels if c in t.channels])
-    low, high = (
-        min(low, max(float(model.min()), low - room, 0.0)),
-        max(high, min(float(model.max()), high + room)),
-    )
+    low, high = (min(low, max(float(model.min()), low - room, 0.0)), max(high, min(float(model.max()), high + room)))
     edge = 0.05 * max(high - low, 1.0)
     return from_si(low - edge, "Pa", "bar"), from_si(high + edge, "Pa", "bar")
 

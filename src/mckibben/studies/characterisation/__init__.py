@@ -13,4 +13,4 @@ if TYPE_CHECKING:
     from .readings import measure_cord as measure_cord
 
 lazy_submodules(__name__)
-lazy_names(__name__, {"readings": ["characterise_like", "measure_cord"]})
+lazy_names(__name__)

@@ -616,12 +616,7 @@ def _beside(path: SpanPath, friction: BranchFit, relaxation: RelaxationFit) -> n
 
 
 def _held_out(
-    record: Recording,
-    zero_pressure: float,
-    zero: float,
-    fit: Fit,
-    friction: BranchFit,
-    relaxation: RelaxationFit,
+    record: Recording, zero_pressure: float, zero: float, fit: Fit, friction: BranchFit, relaxation: RelaxationFit
 ) -> tuple[HeldOut, ...]:
     path, _ = _path(record, zero_pressure)
     beside, law, points = _beside(path, friction, relaxation), fit.build(), []

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ... import verbs
 from ...answers import Answer, Caution, Column, Table
 from ...assembly.build import rig_unit
 from ...bench.hardware.backends import connected
@@ -37,19 +38,6 @@ from ...muscles.muscle import built_muscle
 from ...quantities import in_si, with_unit
 from ...recordings import Recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from ...verbs import (
-    Force,
-    Length,
-    MachineName,
-    MuscleName,
-    PlumbingName,
-    Pressure,
-    ResultFolder,
-    RigName,
-    Seed,
-    Stiffness,
-    verb,
-)
 from ..next_measurement import NextReadings, readings_to_take
 from .evaluation import of_muscle, part_of
 from .stages import MOST_PULLED, Progression, protocol_of
@@ -188,22 +176,22 @@ class CordStiffness(NamedTuple):
         return f"cord and frame: {value} (95 %: {low} to {high}) up to {with_unit(self.tension, 'N', 3)}"
 
 
-@verb
+@verbs.verb
 def characterise_like(
-    like: MuscleName,
-    rig: RigName = "modern",
+    like: verbs.MuscleName,
+    rig: verbs.RigName = "modern",
     *,
-    muscle: MuscleName | None = None,
-    rest_length: Length | None = None,
+    muscle: verbs.MuscleName | None = None,
+    rest_length: verbs.Length | None = None,
     same_rig: bool = False,
-    plumbing: PlumbingName | None = None,
-    max_pressure: Pressure | None = None,
-    max_tension: Force | None = None,
-    cord: Stiffness | None = None,
-    seed: Seed = 0,
-    machine: MachineName | None = None,
+    plumbing: verbs.PlumbingName | None = None,
+    max_pressure: verbs.Pressure | None = None,
+    max_tension: verbs.Force | None = None,
+    cord: verbs.Stiffness | None = None,
+    seed: verbs.Seed = 0,
+    machine: verbs.MachineName | None = None,
     lock_step: bool = False,
-    out: ResultFolder | None = None,
+    out: verbs.ResultFolder | None = None,
     hardware: Hardware | None = None,
     step: float = 5e-5,
     progress: Progress | None = None,
@@ -333,7 +321,8 @@ def measure_cord(
     bounds = bounds_of(on, layout_of(on, plumbing), rest_length=length, max_tension=max_tension)
     unit = None
     if hardware is None:
-        unit = rig_unit(Muscle(_rod(length)))
+        law: Any = stand_in_muscle(length).law
+        unit = rig_unit(Muscle(law.replace(upper_length=length, stop_stiffness=ROD_STIFFNESS)))
         unit = unit if tendon is None else unit.replace(tendon=tendon)
     with machine_for(on, layout_of(on, plumbing), unit, bounds, hardware, seed, step) as machine:
         record = machine.run("cord", protocol_of("cord", bounds, Progression()), None, stop)  # type: ignore[arg-type]
@@ -382,9 +371,3 @@ def cord_of(record: Recording) -> CordStiffness:
         left,
         largest,
     )
-
-
-def _rod(length: float) -> Any:
-    """A law that hardly stretches, and pulls with nothing but that."""
-    law: Any = stand_in_muscle(length).law
-    return law.replace(upper_length=length, stop_stiffness=ROD_STIFFNESS)

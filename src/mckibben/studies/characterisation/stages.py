@@ -383,9 +383,6 @@ def _held_out(bounds: Bounds, known: Progression) -> list[str]:
     for i, (pressure, lengths) in enumerate(held_out_points(bounds, known), 1):
         steps.append(_step(f"approach {i}", span=(rest, _taken(3.0)), pressure=(pressure, 2.0), hold=3.0))
         for j, length in enumerate(lengths, 1):
-            steps += [
-                _step(f"move {i}.{j}", span=(length, _taken(3.0))),
-                _step(f"point {i}.{j}", hold=2.0),
-            ]
+            steps += [_step(f"move {i}.{j}", span=(length, _taken(3.0))), _step(f"point {i}.{j}", hold=2.0)]
     again = pressures_of(known.top)[known.again - 1]
     return [*steps, *_loop(AGAIN, again, bounds, known), *_zeros(bounds)]

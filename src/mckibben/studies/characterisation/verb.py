@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from ... import verbs
 from ...accessors import implementation
 from ...answers import Answer, Caution, Column, Table, collect, estimates, named
 from ...assembly.build import rig_unit
@@ -37,22 +38,7 @@ from ...quantities import in_si, named_values, with_unit
 from ...recordings import Recording
 from ...recordings.files import read_recording
 from ...specimens import Specimen, muscle_specimen, save_specimen
-from ...verbs import (
-    Force,
-    LawName,
-    Length,
-    MachineName,
-    MuscleName,
-    ParameterType,
-    PlumbingName,
-    Pressure,
-    ResultFolder,
-    RigName,
-    Seed,
-    Share,
-    Stiffness,
-    verb,
-)
+from ...verbs import ParameterType
 from ..next_measurement import NextReadings
 from .evaluation import MOST_ERROR, MOST_GAIN, Evaluation, advance, evaluate, muscle_of, specimen_of
 from .stages import ISOBARS, LENGTH_ERROR, OTHER_STAGES, STAGES, Bounds, Progression, planned, protocol_of
@@ -369,24 +355,24 @@ def stage_times(rig: Rig, layout: str, bounds: Bounds, stages: Sequence[str], kn
     return times
 
 
-@verb
+@verbs.verb
 def characterise(
-    rig: RigName = "modern",
+    rig: verbs.RigName = "modern",
     *,
-    muscle: MuscleName | None = None,
-    laws: Sequence[LawName] | None = None,
-    rest_length: Length | None = None,
-    rest_length_error: Share = "1 %",
-    plumbing: PlumbingName | None = None,
-    max_pressure: Pressure | None = None,
-    max_tension: Force | None = None,
-    cord: Stiffness | None = None,
+    muscle: verbs.MuscleName | None = None,
+    laws: Sequence[verbs.LawName] | None = None,
+    rest_length: verbs.Length | None = None,
+    rest_length_error: verbs.Share = "1 %",
+    plumbing: verbs.PlumbingName | None = None,
+    max_pressure: verbs.Pressure | None = None,
+    max_tension: verbs.Force | None = None,
+    cord: verbs.Stiffness | None = None,
     known: Sizes | None = None,
-    gain_error: Share = "0.2 %",
-    seed: Seed = 0,
-    machine: MachineName | None = None,
+    gain_error: verbs.Share = "0.2 %",
+    seed: verbs.Seed = 0,
+    machine: verbs.MachineName | None = None,
     lock_step: bool = False,
-    out: ResultFolder | None = None,
+    out: verbs.ResultFolder | None = None,
     name: str = "characterised",
     hardware: Hardware | None = None,
     step: float = 5e-5,
@@ -582,13 +568,7 @@ class _Machine:
             return prepare_on_machine(protocol, self.session.setup.rate, foresee=False, **self.session.setup.options)
         seed = self.seed * len(STAGES) + _NUMBERED.index(stage)
         made = prepare(
-            protocol,
-            muscle=self.stand_in,
-            rig=self.rig,
-            plumbing=self.layout,
-            seed=seed,
-            step=self.step,
-            foresee=False,
+            protocol, muscle=self.stand_in, rig=self.rig, plumbing=self.layout, seed=seed, step=self.step, foresee=False
         )
         return dataclasses.replace(made, unit=self.unit, specimen=None)
 

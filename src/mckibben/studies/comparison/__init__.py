@@ -5,28 +5,15 @@ the drive to the full one. A pressure set-point over the full pressure is what a
 """
 
 from ..._lazy import lazy_submodules
-from .side_by_side import MuscleTable, compare, stages
-from .table import (
-    FULL_PRESSURE,
-    PROPERTIES,
-    ComparedMuscle,
-    MuscleColumn,
-    Property,
-    PropertyRow,
-    subject,
-)
-
-__all__ = [
-    "FULL_PRESSURE",
-    "PROPERTIES",
-    "MuscleColumn",
-    "Property",
-    "PropertyRow",
-    "ComparedMuscle",
-    "MuscleTable",
-    "compare",
-    "stages",
-    "subject",
-]
+from .side_by_side import MuscleTable as MuscleTable
+from .side_by_side import compare as compare
+from .side_by_side import stages as stages
+from .table import FULL_PRESSURE as FULL_PRESSURE
+from .table import PROPERTIES as PROPERTIES
+from .table import ComparedMuscle as ComparedMuscle
+from .table import MuscleColumn as MuscleColumn
+from .table import Property as Property
+from .table import PropertyRow as PropertyRow
+from .table import subject as subject
 
 lazy_submodules(__name__)

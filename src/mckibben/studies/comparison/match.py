@@ -245,10 +245,7 @@ class Match(NamedTuple):
             Column("value", "found", right=True),
             Column("bound", "at its bound"),
         )
-        return [
-            Table(title, columns, curves, () if self.simulated is None else (run,)),
-            Table("", elements, tuned),
-        ]
+        return [Table(title, columns, curves, () if self.simulated is None else (run,)), Table("", elements, tuned)]
 
     @property
     def hits(self) -> tuple[Tuned, ...]:

@@ -348,11 +348,7 @@ def _memory_before(machine: Machine, state: Tree, memory: Tree, port: Scalar, un
     if unit.friction is not None:
         gauge = machine.gauge(state, MUSCLE)
         moved = unit.friction.advance(
-            ledgers["friction"].state,
-            unknown[START_FRICTION],
-            start_pressure=gauge,
-            end_pressure=gauge,
-            duration=0.0,
+            ledgers["friction"].state, unknown[START_FRICTION], start_pressure=gauge, end_pressure=gauge, duration=0.0
         )
         ledgers = ledgers | {"friction": ledgers["friction"]._replace(state=moved.state)}
     ledgers = ledgers | {"clamp": ledgers["clamp"]._replace(state=unknown[START_SLIP])}

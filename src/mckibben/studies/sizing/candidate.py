@@ -279,10 +279,7 @@ def judged(muscle: Candidate, wish: Requirements) -> Judged:
 def _margins(muscle: Candidate, wish: Requirements, ends: LawAtPressure, said: float, error: float) -> dict[str, float]:
     deducted = muscle.friction + error
     stroke = muscle.longest - ends.last_below(wish.force + deducted, muscle.longest)
-    return {
-        "force": max((said - deducted) / wish.force, 0.0) - 1.0,
-        "stroke": stroke / wish.stroke - 1.0,
-    }
+    return {"force": max((said - deducted) / wish.force, 0.0) - 1.0, "stroke": stroke / wish.stroke - 1.0}
 
 
 def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> float:

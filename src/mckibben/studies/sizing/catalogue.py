@@ -96,11 +96,7 @@ def of_file(path: str, wish: Requirements) -> Candidate:
     spec = specimen(path)
     one = of_specimen(spec, wish) if spec.kind == "mckibben" else None
     if one is None:
-        raise InputError(
-            "muscle",
-            path,
-            "must be a McKibben muscle whose law knows its volume or states rest_volume",
-        )
+        raise InputError("muscle", path, "must be a McKibben muscle whose law knows its volume or states rest_volume")
     return one
 
 

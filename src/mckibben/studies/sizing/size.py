@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ... import verbs
 from ...analysis.energy import Conditions, cycle_muscle, energy_cycle
 from ...answers import collect
 from ...errors import InputError, MckibbenError
@@ -15,27 +16,6 @@ from ...muscles.plausible import pressure_caution
 from ...quantities import with_unit
 from ...specimens import Specimen, specimen_ids
 from ...specimens.parts import parts
-from ...verbs import (
-    CycleRate,
-    Diameter,
-    Energy,
-    LawName,
-    Mass,
-    MuscleName,
-    OverallLength,
-    PosteriorFile,
-    Pressure,
-    SpaceText,
-    Stroke,
-    TankText,
-    TimePerDay,
-    TubeLength,
-    ValveName,
-    WorkingForce,
-    WorkingSpeed,
-    typed,
-    verb,
-)
 from . import catalogue
 from .braid import OBJECTIVES, design
 from .braid_law import BRAID_LAWS
@@ -78,27 +58,27 @@ GRAVITY = 9.80665  # [m/s^2]
 MOST_TRIED = 3  # muscles whose speed is looked for
 
 
-@verb
+@verbs.verb
 def size(
     wish: Requirements | None = None,
     *,
-    force: WorkingForce | None = None,
-    load: Mass | None = None,
-    stroke: Stroke | None = None,
-    pressure: Pressure = "5 bar",
-    space: SpaceText | None = None,
-    length: OverallLength | None = None,
-    diameter: Diameter | None = None,
-    speed: WorkingSpeed | None = None,
-    rate: CycleRate | None = None,
-    working_time: TimePerDay | None = None,
-    tube_length: TubeLength = "50 cm",
-    valve: ValveName | Sequence[ValveName] | None = None,
-    battery: Energy | None = None,
-    tank: TankText | None = None,
-    muscle: MuscleName | None = None,
-    posterior: PosteriorFile | None = None,
-    law: LawName = "linear_threshold",
+    force: verbs.WorkingForce | None = None,
+    load: verbs.Mass | None = None,
+    stroke: verbs.Stroke | None = None,
+    pressure: verbs.Pressure = "5 bar",
+    space: verbs.SpaceText | None = None,
+    length: verbs.OverallLength | None = None,
+    diameter: verbs.Diameter | None = None,
+    speed: verbs.WorkingSpeed | None = None,
+    rate: verbs.CycleRate | None = None,
+    working_time: verbs.TimePerDay | None = None,
+    tube_length: verbs.TubeLength = "50 cm",
+    valve: verbs.ValveName | Sequence[verbs.ValveName] | None = None,
+    battery: verbs.Energy | None = None,
+    tank: verbs.TankText | None = None,
+    muscle: verbs.MuscleName | None = None,
+    posterior: verbs.PosteriorFile | None = None,
+    law: verbs.LawName = "linear_threshold",
     lines: bool = True,
     progress: Progress | None = None,
 ) -> Sizing:
@@ -178,7 +158,7 @@ def size(
             },
             spaced=space is not None,
         )
-    said = pressure_caution(wish.pressure, text=typed(pressure))
+    said = pressure_caution(wish.pressure, text=verbs.typed(pressure))
     if law not in BRAID_LAWS:
         raise InputError("law", law, known=BRAID_LAWS)
     _check_muscle(muscle)

@@ -72,12 +72,7 @@ def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> Inferred
     air = air_of_cycle(one, wish, dead)
     # as factors: what is added up to first order would be less than no air where the ranges are wide
     least = air * math.prod(min(1.0, *(end / air for end in pair)) for pair in airs)
-    return InferredRanges(
-        (force[0], force[1]),
-        (least, _summed(air, airs)[1]),
-        tuple(moved),
-        ends.without_range,
-    )
+    return InferredRanges((force[0], force[1]), (least, _summed(air, airs)[1]), tuple(moved), ends.without_range)
 
 
 def _summed(value: float, pairs: Iterable[Iterable[float]]) -> tuple[float, float]:

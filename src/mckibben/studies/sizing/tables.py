@@ -389,12 +389,7 @@ def _line(line: LineResult) -> dict[str, Any]:
 def length_table(sizing: Sizing) -> Table:
     """The best valve behind tubes of other lengths."""
     order = sorted(sizing.lengths, key=lambda x: (x.tube, x.tube_length))
-    columns = (
-        Column("tube"),
-        Column("tube_length", "length", "m"),
-        *TIMES,
-        Column("air", "air", "kg", "mg", ".0f"),
-    )
+    columns = (Column("tube"), Column("tube_length", "length", "m"), *TIMES, Column("air", "air", "kg", "mg", ".0f"))
     return Table(f"{sizing.lengths[0].valve} behind other tubes", columns, [_line(one) for one in order])
 
 

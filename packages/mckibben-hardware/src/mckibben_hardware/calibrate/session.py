@@ -212,11 +212,7 @@ class HardwareReadings:
     """
 
     def __init__(
-        self,
-        hardware: Hardware,
-        converters: Converters,
-        *,
-        scales: Mapping[str, ChannelScale] | None = None,
+        self, hardware: Hardware, converters: Converters, *, scales: Mapping[str, ChannelScale] | None = None
     ) -> None:
         """Prepare the readings of a machine that is not started yet, with the scales of its counts."""
         self.period, self._hardware = PERIOD, hardware

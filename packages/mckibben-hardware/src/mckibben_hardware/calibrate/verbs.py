@@ -24,24 +24,7 @@ from mckibben.quantities import in_si, to_si, with_unit
 from mckibben.recordings import calibration, provenance
 from mckibben.recordings.calibration import Calibration
 from mckibben.recordings.calibration_file import VALUES, correction_dict, merged, shown_term, write_calibration
-from mckibben.verbs import (
-    Acceleration,
-    Changes,
-    ChannelName,
-    Count,
-    DataFile,
-    Duration,
-    Frequency,
-    Lengths,
-    Masses,
-    ParameterType,
-    Pressures,
-    RigName,
-    Seed,
-    Share,
-    typed,
-    verb,
-)
+from mckibben.verbs import ParameterType
 
 from . import estimate
 from . import session as sources
@@ -202,13 +185,13 @@ def _within(field: str, value: Any, unit: str, low: float = 0.0, high: float = 1
     if not low <= number <= high:
         ends = with_unit(low, unit), with_unit(high, unit)
         span = f"{ends[0]} or more" if high == 1e9 else f"between {ends[0]} and {ends[1]}"
-        raise InputError(field, typed(value) or value, f"must be {span}")
+        raise InputError(field, verbs.typed(value) or value, f"must be {span}")
     return number
 
 
 def _several(field: str, values: Any) -> list[float]:
     if not values:
-        raise InputError(field, typed(values), "must be two different ones or more, parted by commas")
+        raise InputError(field, verbs.typed(values), "must be two different ones or more, parted by commas")
     return [float(one) for one in values]
 
 
@@ -220,19 +203,19 @@ def _names(channels: Sequence[str] | str) -> list[str]:
     return names
 
 
-@verb
+@verbs.verb
 def calibrate_zero(
     *,
-    rig: RigName,
+    rig: verbs.RigName,
     channels: ChannelNames = "pressure,tension",
     uncertainty: Uncertainty | None = None,
     machine: MachineName | None = None,
     simulate: bool = False,
-    changes: Changes | None = None,
-    seed: Seed = 0,
-    samples: Count = 1000,
+    changes: verbs.Changes | None = None,
+    seed: verbs.Seed = 0,
+    samples: verbs.Count = 1000,
     sensor: Words = "",
-    valid_for: Duration | None = None,
+    valid_for: verbs.Duration | None = None,
     file: Path | None = None,
     ask: Ask | None = None,
     again: Callable[[InputError], None] | None = None,
@@ -275,16 +258,16 @@ def calibrate_zero(
         return found(opened.zero(names, uncertainty=standard))
 
 
-@verb
+@verbs.verb
 def calibrate_weights(
     *,
     session: Session,
-    masses: Masses,
+    masses: verbs.Masses,
     uncertainty: Uncertainty | None = None,
-    gravity: Acceleration | None = None,
+    gravity: verbs.Acceleration | None = None,
     gravity_uncertainty: Uncertainty | None = None,
-    channel: ChannelName = "tension",
-    samples: Count = 1000,
+    channel: verbs.ChannelName = "tension",
+    samples: verbs.Count = 1000,
     reference: Words = "masses",
 ) -> CalibratedChannels:
     """Calibrate a load cell with dead weights, up and down.
@@ -324,16 +307,16 @@ def calibrate_weights(
         return found(outcome)
 
 
-@verb
+@verbs.verb
 def calibrate_pressure(
     *,
     session: Session,
-    pressures: Pressures | None = None,
-    readings: DataFile | None = None,
+    pressures: verbs.Pressures | None = None,
+    readings: verbs.DataFile | None = None,
     uncertainty: Uncertainty | None = None,
-    scale_uncertainty: Share = "0 %",
+    scale_uncertainty: verbs.Share = "0 %",
     channels: ChannelNames = "pressure",
-    samples: Count = 1000,
+    samples: verbs.Count = 1000,
     reference: Words = "reference gauge",
 ) -> CalibratedChannels:
     r"""Calibrate pressure sensors with a reference gauge, whose points are set now or were read before.
@@ -411,14 +394,14 @@ def _taken(file: Any, channels: Sequence[str]) -> dict[str, list[Point]]:
     }  # fmt: skip
 
 
-@verb
+@verbs.verb
 def calibrate_encoder(
     *,
     session: Session,
-    travels: Lengths,
+    travels: verbs.Lengths,
     uncertainty: Uncertainty | None = None,
-    scale_uncertainty: Share = "0 %",
-    samples: Count = 100,
+    scale_uncertainty: verbs.Share = "0 %",
+    samples: verbs.Count = 100,
     reference: Words = "gauge blocks",
 ) -> CalibratedChannels:
     """Calibrate the encoder with known travels, such as those of gauge blocks.
@@ -439,14 +422,14 @@ def calibrate_encoder(
         return found(opened.encoder(_several("travels", travels), blocks))
 
 
-@verb
+@verbs.verb
 def calibrate_skew(
     *,
     session: Session,
     channels: ChannelNames = "pressure,tension",
-    frequency: Frequency = "20 Hz",
-    to: Frequency | None = None,
-    samples: Count = 5000,
+    frequency: verbs.Frequency = "20 Hz",
+    to: verbs.Frequency | None = None,
+    samples: verbs.Count = 5000,
 ) -> CalibratedChannels:
     """Calibrate the lag of channels behind the first one, from a common signal.
 

@@ -16,7 +16,4 @@ if TYPE_CHECKING:
     from .microcontroller import in_thread as in_thread
 
 lazy_submodules(__name__)
-lazy_names(
-    __name__,
-    {"device": ["About"], "link": ["SerialHardware", "SerialStatistics"], "microcontroller": ["in_thread"]},
-)
+lazy_names(__name__)

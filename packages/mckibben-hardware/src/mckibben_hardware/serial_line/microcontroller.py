@@ -150,16 +150,13 @@ class Microcontroller:
             except OSError:
                 self._stopped = True  # nobody holds the other end
                 return
-            self._hear(data)
-
-    def _hear(self, data: bytes) -> None:
-        """Process bytes frame by frame; in lock-step each command gets its sample before the next frame is read."""
-        *ended, rest = data.split(b"\0")
-        for part in ended:
-            self.device.receive(part + b"\0")
-            while self.device.due and not self._stopped:
-                self.device.tick()
-        self.device.receive(rest)
+            # Process bytes frame by frame; in lock-step each command gets its sample before the next frame is read
+            *ended, rest = data.split(b"\0")
+            for part in ended:
+                self.device.receive(part + b"\0")
+                while self.device.due and not self._stopped:
+                    self.device.tick()
+            self.device.receive(rest)
 
     def _send(self, data: bytes) -> None:
         """Send a frame, unless a simulated fault affects it."""

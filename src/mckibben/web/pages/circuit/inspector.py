@@ -11,18 +11,7 @@ from ....assembly.circuit_file import TIME, CircuitPlan
 from ....assembly.circuit_parts import HEATS
 from ....components import paths
 from ....muscles.build import rest_length_of
-from ....pneumatics.build import (
-    BARE_UNITS,
-    PASSAGE_WAYS,
-    SIZES,
-    TITLES,
-    canonical,
-    known_keys,
-    passages_of,
-    put_value,
-    size_as,
-    with_usual_unit,
-)
+from ....pneumatics import build
 from ....pneumatics.orifice import Orifice
 from ....pneumatics.valves import PressureRegulator
 from ....pneumatics.volume import FixedVolume, MovingVolume, WallHeat
@@ -99,10 +88,10 @@ def _element(
         valves = {s.id: s.title for s in specimens() if s.kind == "valve" and s.element == kind}
         _choice("Specimen", valves, str(words["specimen"]), lambda v: change("specimen", v))
     # the parameter that states the size of all passages alike; none if a specimen or each passage does
-    size = next((n for n in map(canonical, words) if n in SIZES), "")
-    if size and (kind == "orifice" or passages_of(kind)):
-        _choice("Size stated by", TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
-    known, shown = known_keys(kind), {}
+    size = next((n for n in map(build.canonical, words) if n in build.SIZES), "")
+    if size and (kind == "orifice" or build.passages_of(kind)):
+        _choice("Size stated by", build.TITLES, size, lambda v: put(lambda d: _restated(d, plan, name, v)))
+    known, shown = build.known_keys(kind), {}
     numbers = [p for p, _ in paths.parameters(element) if "." not in p and np.ndim(paths.get(element, p)) == 0]
     for key in [*words, *(p for p in numbers if p not in words and p not in UNSTATED)]:
         if key in known:
@@ -114,19 +103,21 @@ def _element(
 def _restated(document: Document, plan: CircuitPlan, name: str, size: str) -> Document:
     """State the same size by another parameter; of the first passage if an element has several."""
     words, one = document["elements"][name], plan.circuit.elements[name]
-    orifice: Any = one if isinstance(one, Orifice) else getattr(one, passages_of(words["kind"])[0])
-    way = next((w for w in PASSAGE_WAYS if size in w.needs), None)
+    orifice: Any = one if isinstance(one, Orifice) else getattr(one, build.passages_of(words["kind"])[0])
+    way = next((w for w in build.PASSAGE_WAYS if size in w.needs), None)
     quantity = declared(Orifice)["conductance"] if way is None else way.needs[size]
-    value, unit = size_as(orifice, size), BARE_UNITS.get(size, "l/min")
+    value, unit = build.size_as(orifice, size), build.BARE_UNITS.get(size, "l/min")
     flows = quantity.unit == "m^3/s"  # in the unit of catalogues
-    new = put_value(words, size, f"{from_si(value, 'm^3/s', unit):.9g} {unit}" if flows else worded(value, quantity))
+    new = build.put_value(
+        words, size, f"{from_si(value, 'm^3/s', unit):.9g} {unit}" if flows else worded(value, quantity)
+    )
     if size == "flow_into_the_room":
-        new = put_value(new, "flow_pressure", FLOW_PRESSURE_WORDS)
+        new = build.put_value(new, "flow_pressure", FLOW_PRESSURE_WORDS)
     return {**document, "elements": {**document["elements"], name: new}}
 
 
 def _si(words: Any, unit: str, key: str) -> float:
-    return parse(with_usual_unit(key, words), unit, field=key)
+    return parse(build.with_usual_unit(key, words), unit, field=key)
 
 
 def _node(document: Document, plan: CircuitPlan, name: str, put: Put) -> dict[str, forms.InputField]:

@@ -18,20 +18,7 @@ from ...charts import saveable
 from ...elements import Element, page_document
 from ...forms import InputField, accept, field, refusal, show_cautions
 from ...transfers import download, run_in_thread, specimen_place
-from ...widgets import (
-    Dialog,
-    asked,
-    box,
-    button,
-    link,
-    page_frame,
-    panel,
-    raw,
-    say_refused,
-    segments,
-    select,
-    text,
-)
+from ...widgets import Dialog, asked, box, button, link, page_frame, panel, raw, say_refused, segments, select, text
 from ...workspace import Workspace
 from .cycles import (
     LINKED,

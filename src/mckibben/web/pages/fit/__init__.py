@@ -242,17 +242,14 @@ class FitPage:
             elif points is not None:
                 text("p", jobs.used(points, self.asked), "small dim")
         if fresh:
-            self._given(points)
+            branches = [] if points is None or points.branch is None else sorted({str(b) for b in points.branch})
+            self._places["given"].clear()
+            with self._places["given"]:
+                columns.given(self._now, self._change, branches)
         if points is None:
             self._leave("No fit: the columns are not clear yet.")
             return
         self._fit()
-
-    def _given(self, points: ForceMap | None) -> None:
-        branches = [] if points is None or points.branch is None else sorted({str(b) for b in points.branch})
-        self._places["given"].clear()
-        with self._places["given"]:
-            columns.given(self._now, self._change, branches)
 
     def _leave(self, words: str) -> None:
         """Show a reason instead of the ranking; nothing is fitted."""

@@ -329,9 +329,7 @@ class ImportDialog:
     """
 
     def __init__(
-        self,
-        take: Callable[..., Awaitable[tuple[str, list[str]]]],
-        done: Callable[[str, list[str]], Awaitable[None]],
+        self, take: Callable[..., Awaitable[tuple[str, list[str]]]], done: Callable[[str, list[str]], Awaitable[None]]
     ) -> None:
         self._take, self._done = take, done
         self._file: IncomingFile | None = None

@@ -61,13 +61,7 @@ STATED = {
 }
 
 
-def imported(
-    path: Path,
-    name: str,
-    target: Path,
-    stated: Mapping[str, str],
-    part: str = "",
-) -> ImportedFile:
+def imported(path: Path, name: str, target: Path, stated: Mapping[str, str], part: str = "") -> ImportedFile:
     """Make a recording of a file, in a separate process if the file is large.
 
     Args:
