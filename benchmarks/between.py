@@ -119,10 +119,14 @@ def rows(folder: Path, fit_law: Any = fit) -> list[Row]:
     assert twenty.rest_length is not None
     for rest in np.unique(twenty.rest_length):
         some = twenty.select(twenty.rest_length == rest)
-        made.append(Row("10 to 20 mm", whole[0], some, float(rest), twenty.largest, wide, TWENTY, False))
-    for name, own in zip(MAPS, whole, strict=True):
+        made.append(
+            Row("10 to 20 mm", whole[0], some, float(rest), twenty.largest, wide.at_other_bore(), TWENTY, False)
+        )
+    for name, own, between in zip(MAPS, whole, (near, wide), strict=True):
         points = one_map(folder, name)
-        made.append(Row(name, own, points, MAPS[name][1], points.largest, near.elsewhere(), {}, True))
+        made.append(Row(name, own, points, MAPS[name][1], points.largest, between.elsewhere(), {}, True))
+    far = wide.elsewhere().at_other_bore()  # in which nothing was chosen on this muscle but what is unread
+    made.append(Row("10 mm to DMSP-20-300", whole[0], points, MAPS[name][1], points.largest, far, TWENTY, True))
     return made
 
 
