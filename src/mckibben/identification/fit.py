@@ -67,6 +67,7 @@ RESOLUTION = 1e-6
 ALIKE = 0.05  # share by which errors of prediction may differ between laws that predict alike
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 SIZE_UNITS = ("m", "m^2", "m^3", "rad")
+SAME_BORE = 0.02  # share by which a bore may differ from that of the table without being another
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
@@ -368,8 +369,8 @@ class Fit(FittedLaw):
         changes = self._in_si(changes)
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
         new = muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
-        bore = changes.get("rest_diameter")
-        if bore is None or np.allclose(bore, self.known.get("rest_diameter", bore)):
+        own = getattr(self.build(), "rest_diameter", None)
+        if own is None or abs(changes.get("rest_diameter", own) / own - 1.0) < SAME_BORE:
             return new
         return replace(new, between=new.between.at_other_bore(), other_bore=True)
 
