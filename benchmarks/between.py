@@ -49,6 +49,14 @@ MAPS = {
     "DMSP-10-250": ("martens_boblan_2017/DMSP-10-250_force_map.csv", 0.250),
     "DMSP-20-300": ("martens_boblan_2017/DMSP-20-300_force_map.csv", 0.300),
 }
+LABELS = {  # what a reader knows of each task: how the muscle differs from those by which it is told
+    "10 mm, one of three left out": "same bore and rig (10 mm)",
+    "20 mm, one of three left out": "same bore and rig (20 mm)",
+    "10 to 20 mm": "another bore (20 mm by 10 mm)",
+    "DMSP-10-250": "another laboratory (10 mm)",
+    "DMSP-20-300": "another laboratory (20 mm)",
+    "10 mm to DMSP-20-300": "another bore and laboratory",
+}
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BEGIN, END = "<!-- written by benchmarks/between.py; do not edit -->", "<!-- end of between -->"
 
@@ -310,9 +318,10 @@ def draw(result: list[dict[str, Any]]) -> None:
         for task in dict.fromkeys(one["task"] for one in result):
             by = {one["readings"]: one["declared"] for one in result if one["task"] == task}
             rms = [100.0 * by[how]["rms"] for how in ("none", "rest", "both")]
-            axes.plot([0, 1, 2], rms, "o-", label=task)
+            axes.plot([0, 1, 2], rms, "o-", label=LABELS[task])
         axes.set_xticks([0, 1, 2], ["none", "one, at rest", "two"])
-        axes.set(xlabel="readings of the muscle", ylabel="error, rms, % of the largest tension", ylim=(0.0, None))
+        axes.set(xlabel="readings of the muscle that is told", ylim=(0.0, None))
+        axes.set_ylabel("rms error, % of largest tension")
         axes.legend()
         style.save(fig, DOCS / "assets" / "between.svg")
     written.write(WRITTEN, result)
