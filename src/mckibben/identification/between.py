@@ -477,12 +477,6 @@ class NewMuscle:
             )
         if not self.readings:
             return tuple(Caution(one, "rest_diameter") for one in said)
-        if self.between.gain >= ELSEWHERE.gain:
-            ends = " to ".join(f"{100.0 * share:.0f}" for share in HELD_ELSEWHERE)
-            said.append(
-                f"of two muscles in other laboratories such intervals of 95 % held {ends} % of further readings, "
-                "fewest after one at rest alone"
-            )
         before = dataclasses.replace(self, readings=())
         read = np.array(self.readings)
         signed, covariance = before.moments(read[:, 0], read[:, 1])
@@ -500,9 +494,11 @@ class NewMuscle:
                 )
         if len(self.readings) == 1:
             said.append(f"one reading only; the next is best taken at {self.next_reading()}")
+        ends = " to ".join(f"{100.0 * share:.0f}" for share in HELD_ELSEWHERE)
+        held = f"; of two muscles in other laboratories such intervals held {ends} % of further readings, fewest after one at rest"
         said.append(
             "the readings move all parameters of the law together; correcting one number by them, a shift of the length or "
-            "a gain, made other lengths worse"
+            f"a gain, made other lengths worse{held if self.between.gain >= ELSEWHERE.gain else ''}"
         )
         return tuple(Caution(one, "reading") for one in said)
 
