@@ -495,7 +495,7 @@ class NewMuscle:
         if len(self.readings) == 1:
             said.append(f"one reading only; the next is best taken at {self.next_reading()}")
         ends = " to ".join(f"{100.0 * share:.0f}" for share in HELD_ELSEWHERE)
-        held = f"; of two muscles in other laboratories such intervals held {ends} % of further readings, fewest after one at rest"
+        held = f"; in two other laboratories such intervals held {ends} % of further readings, fewest with one at rest"
         said.append(
             "the readings move all parameters of the law together; correcting one number by them, a shift of the length or "
             f"a gain, made other lengths worse{held if self.between.gain >= ELSEWHERE.gain else ''}"
