@@ -468,7 +468,7 @@ class NewMuscle:
 
     def cautions(self) -> tuple[Caution, ...]:
         """What must be known of another bore or laboratory, and of the readings: where, and whether of such a muscle."""
-        said = []
+        said: list[str] = []
         if self.other_bore:
             said.append(
                 "the law was fitted to muscles of another bore, beside which this one may pull "

@@ -297,7 +297,7 @@ class Ranking(Answer):
 
     def saved_laws(self) -> str:
         """Which laws a saved file holds, which of them it takes, and which passed no check; empty where there is one."""
-        named = []
+        named: list[str] = []
         for f in self.fits:
             doubt = "misses what was left out" if f.misses else "could not be checked" if f.unchecked else ""
             named += [f"{f.law} ({doubt})" if f.cross and doubt else f.law] if f.converged else []
