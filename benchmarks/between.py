@@ -49,6 +49,14 @@ MAPS = {
     "DMSP-10-250": ("martens_boblan_2017/DMSP-10-250_force_map.csv", 0.250),
     "DMSP-20-300": ("martens_boblan_2017/DMSP-20-300_force_map.csv", 0.300),
 }
+LABELS = {  # what a reader knows of each task: how the muscle differs from those by which it is told
+    "10 mm, one of three left out": "same bore and rig (10 mm)",
+    "20 mm, one of three left out": "same bore and rig (20 mm)",
+    "10 to 20 mm": "another bore (20 mm by 10 mm)",
+    "DMSP-10-250": "another laboratory (10 mm)",
+    "DMSP-20-300": "another laboratory (20 mm)",
+    "10 mm to DMSP-20-300": "another bore and laboratory",
+}
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BEGIN, END = "<!-- written by benchmarks/between.py; do not edit -->", "<!-- end of between -->"
 
@@ -119,10 +127,14 @@ def rows(folder: Path, fit_law: Any = fit) -> list[Row]:
     assert twenty.rest_length is not None
     for rest in np.unique(twenty.rest_length):
         some = twenty.select(twenty.rest_length == rest)
-        made.append(Row("10 to 20 mm", whole[0], some, float(rest), twenty.largest, wide, TWENTY, False))
-    for name, own in zip(MAPS, whole, strict=True):
+        made.append(
+            Row("10 to 20 mm", whole[0], some, float(rest), twenty.largest, wide.at_other_bore(), TWENTY, False)
+        )
+    for name, own, between in zip(MAPS, whole, (near, wide), strict=True):
         points = one_map(folder, name)
-        made.append(Row(name, own, points, MAPS[name][1], points.largest, near.elsewhere(), {}, True))
+        made.append(Row(name, own, points, MAPS[name][1], points.largest, between.elsewhere(), {}, True))
+    far = wide.elsewhere().at_other_bore()  # in which nothing was chosen on this muscle but what is unread
+    made.append(Row("10 mm to DMSP-20-300", whole[0], points, MAPS[name][1], points.largest, far, TWENTY, True))
     return made
 
 
@@ -306,9 +318,10 @@ def draw(result: list[dict[str, Any]]) -> None:
         for task in dict.fromkeys(one["task"] for one in result):
             by = {one["readings"]: one["declared"] for one in result if one["task"] == task}
             rms = [100.0 * by[how]["rms"] for how in ("none", "rest", "both")]
-            axes.plot([0, 1, 2], rms, "o-", label=task)
+            axes.plot([0, 1, 2], rms, "o-", label=LABELS[task])
         axes.set_xticks([0, 1, 2], ["none", "one, at rest", "two"])
-        axes.set(xlabel="readings of the muscle", ylabel="error, rms, % of the largest tension", ylim=(0.0, None))
+        axes.set(xlabel="readings of the muscle that is told", ylim=(0.0, None))
+        axes.set_ylabel("rms error, % of largest tension")
         axes.legend()
         style.save(fig, DOCS / "assets" / "between.svg")
     written.write(WRITTEN, result)

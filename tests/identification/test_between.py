@@ -1,16 +1,28 @@
 """A new muscle of a make: its interval, and what readings of it tell."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mckibben.errors import InputError
-from mckibben.identification.between import ELSEWHERE, Between, NewMuscle, TensionReading, read_readings
+from mckibben.errors import InputError, PlausibilityWarning
+from mckibben.estimation import NORMAL_QUANTILE
+from mckibben.identification.between import (
+    HELD_ELSEWHERE,
+    OTHER_BORE_GAIN,
+    Between,
+    NewMuscle,
+    TensionReading,
+    read_readings,
+)
 from mckibben.identification.fit import Fit, fit
 from mckibben.muscles.build import build_law
 from mckibben.recordings import ForceMap
+from mckibben.specimens.model import BETWEEN_COMPONENTS
 
+ROOT = Path(__file__).resolve().parents[2]
 KNOWN = {"rest_diameter": 0.010, "wall_thickness": 0.0018}
 TRUE = {"rest_angle": 0.386, "shear_modulus": 1.0e6, "seat_compliance": 1.6e-4}
 RESTS = (0.083, 0.182, 0.281)
@@ -63,7 +75,8 @@ def test_a_muscle_from_elsewhere_is_less_sure_than_one_of_the_rig(found: Fit) ->
     assert near.tension.tobytes() == far.tension.tobytes()
     taut = near.tension > 0.0
     assert (far.high > near.high)[taut].all()
-    assert Between().scaled(3.0).elsewhere().whole_length == ELSEWHERE.whole_length  # another rig is not this one
+    for rig in (Between(), Between().scaled(3.0), Between(noise=0.02, pressure_shape=0.05)):
+        assert all(getattr(rig.elsewhere(), name) >= getattr(rig, name) for name in BETWEEN_COMPONENTS)
     assert replace(Between(), gain=0.3).elsewhere().gain == 0.3  # which is no surer there than here
 
 
@@ -191,6 +204,37 @@ def test_what_is_hidden_moves_not_a_bit(found: Fit) -> None:
             b"".join(part.tobytes() for part in (*shown.predict(*AT, rest_length=OTHER), *calibrated.predict(*AT)))
         )
     assert len(set(answers)) == 1
+
+
+def test_another_bore_is_told_within_more_and_with_a_word(found: Fit) -> None:
+    own = found.predict(0.12, 5e5, rest_length=OTHER)
+    with pytest.warns(
+        PlausibilityWarning, match="fitted to muscles of another bore, beside which .* 15 % more or less"
+    ):
+        wide = found.predict(0.12, 5e5, rest_length=OTHER, rest_diameter="20 mm")
+    same = found.predict(0.12, 5e5, rest_length=OTHER, rest_diameter=KNOWN["rest_diameter"])
+    assert same == own
+    shares = [float(one.high - one.tension) / float(one.tension) for one in (own, wide)]
+    assert NORMAL_QUANTILE * OTHER_BORE_GAIN < shares[1]
+    with pytest.warns(PlausibilityWarning, match="another bore"):
+        found.predict(0.12, 5e5, rest_length=OTHER, rest_diameter=0.02, elsewhere=True)
+
+
+def test_what_intervals_of_another_laboratory_held_is_what_was_measured(found: Fit) -> None:
+    rows = json.loads((ROOT / "benchmarks" / "between.json").read_text(encoding="utf-8"))
+    read = [
+        one["declared"] for one in rows if one["task"] in ("DMSP-10-250", "DMSP-20-300") and one["readings"] != "none"
+    ]
+    assert len(read) == 6
+    shares = [one["coverage"] for one in read]
+    assert (min(shares), max(shares)) == pytest.approx(HELD_ELSEWHERE, abs=0.005)  # said in percent
+    at_rest = {
+        one["declared"]["coverage"] for one in rows if one["readings"] == "rest" and one["task"] == "DMSP-10-250"
+    }
+    assert min(shares) in at_rest
+    far, near = (found.calibrate(reading(1.0), rest_length=OTHER, elsewhere=e).cautions for e in (True, False))
+    assert any("held 56 to 100 % of further readings" in str(one) for one in far)
+    assert near and not any("other laboratories" in str(one) for one in near)
 
 
 def test_readings_are_refused_and_doubted_in_a_sentence(found: Fit) -> None:

@@ -147,6 +147,8 @@ def test_no_unchecked_law_is_saved_without_a_word(fits, tmp_path) -> None:
     with pytest.warns(PlausibilityWarning, match="ideal could not be checked: .*2 of 5 by pressure"):
         failed.save(path)
     assert "not checked" in specimen(str(path)).errors["ideal"]["rms"].note
+    with pytest.warns(PlausibilityWarning, match="ideal could not be checked"):
+        failed.best.muscle.save(path)  # a single fit, whose muscle is saved
     Ranking("t", None, ideal.points, [replace(ideal, cross={})]).save(
         path
     )  # nobody asked for a check: the file says it
@@ -173,6 +175,17 @@ def test_a_law_that_misses_what_was_left_out_says_so_on_every_face_and_is_not_sa
     with pytest.warns(PlausibilityWarning, match="ideal describes the table and predicts nothing beside it"):
         study.save(path)
     assert "missed by" in specimen(str(path)).errors["ideal"]["rms"].note
+
+
+def test_what_is_said_of_a_saved_file_names_each_law_that_passed_no_check(fits) -> None:
+    thick, ideal = fits
+    checked, failed, far = missing(thick, 0.5), missing(ideal, 0.5, failed=2), missing(ideal, 1e6)
+    for second, word in ((failed, "could not be checked"), (far, "misses what was left out")):
+        said = Ranking("t", None, ideal.points, [checked, second]).saved_laws()
+        assert said.endswith(f"takes another: ideal ({word})") and f"{thick.law}, the first" in said
+    # where nobody asked for a check, no law failed one: the file alone says so
+    unasked = [replace(one, cross={}) for one in fits]
+    assert "(" not in Ranking("t", None, ideal.points, unasked).saved_laws()
 
 
 def test_parameters_that_the_data_do_not_tell_apart_are_one_row_of_a_table_for_each_law(capsys) -> None:

@@ -1,6 +1,8 @@
 """Faults found from recordings that the rig itself predicts, with the noise of its sensors; runs of the bench are slow."""
 
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +11,15 @@ import mckibben as mk
 from mckibben.assembly.build import rig_unit
 from mckibben.components import paths
 from mckibben.errors import InputError
+from mckibben.studies.diagnosis import fault_fit
 from mckibben.studies.diagnosis.fault_fit import (
+    CLAMP_GRIP,
+    QUICK_RELEASES,
     SIZES,
     THRESHOLD,
     TOLERANCES,
+    Diagnosis,
+    NumberOff,
     _differences,
     diagnose,
     known_faults,
@@ -368,3 +375,20 @@ def test_a_rig_that_is_not_that_of_the_recording_is_said():
     assert len(said) == 1 and "made on the rig modern" in said[0].text and "sensors" in said[0].text
     assert _differences(record, sound, sound) == () == _differences(record, sound, None)
     assert _differences(record, mk.rig("modern", {"faults.leak": "0.5 l/min/bar"}), sound) == ()
+
+
+def test_a_slipping_clamp_beside_a_file_that_may_be_off_is_said_with_its_false_alarms(observer, monkeypatch):
+    off = json.loads(
+        (Path(__file__).resolve().parents[2] / "benchmarks" / "diagnosis.json").read_text(encoding="utf-8")
+    )["off"]
+    sound = [one for one in off if one["fault"] == "none"]
+    alarms = [one for one in sound if one["found"] not in ("none", "law")]
+    assert {one["found"] for one in alarms} == {CLAMP_GRIP} and len({one["case"] for one in alarms}) == 1
+    assert (len(alarms), sum(one["case"] == alarms[0]["case"] for one in sound)) == QUICK_RELEASES
+    run = record(observer)
+    number = NumberOff("muscle.law.passive_stiffness", 0.0, 0.0)
+    for fault, description, words in ((CLAMP_GRIP, (number,), 1), (CLAMP_GRIP, (), 0), ("leak", (number,), 0)):
+        one = Diagnosis((), fault, (), True, THRESHOLD, 1, description=description)
+        monkeypatch.setattr(fault_fit, "diagnose_sections", lambda *_, one=one: one)
+        said = [str(caution) for caution in found(run).cautions]
+        assert len(said) == words and all("of 8 sound quick releases" in text for text in said)

@@ -37,9 +37,15 @@ class Mean:
 """
 
 
-@pytest.mark.parametrize("name", [name for name, one in TASKS.items() if one.ships])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(name for name, one in TASKS.items() if one.ships),
+        pytest.param("data-sheet", marks=measured("festo_datasheet")),
+    ],
+)
 def test_no_predicted_point_is_trained_on(name):
-    for fold in task(name).load():
+    for fold in task(name).load(FOLDER):
         shown = {(p, x) for r in fold.train for p, x in zip(r.inputs["pressure"], r.inputs["length"], strict=True)}
         asked = {(p, x) for r in fold.test for p, x in zip(r.inputs["pressure"], r.inputs["length"], strict=True)}
         assert asked and not asked & shown

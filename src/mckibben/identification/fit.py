@@ -20,6 +20,7 @@ import numpy as np
 from .. import estimation
 from .._jax import Scalar
 from ..accessors import Accessor
+from ..answers import Caution, collect, warn
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError, each_once
 from ..muscles.build import build_law, cut_parameters, default_parameters
@@ -56,6 +57,7 @@ RESOLUTION = 1e-6
 ALIKE = 0.05  # share by which errors of prediction may differ between laws that predict alike
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 SIZE_UNITS = ("m", "m^2", "m^3", "rad")
+SAME_BORE = 0.02  # share by which a bore may differ from that of the table without being another
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
@@ -201,6 +203,17 @@ class Fit(FittedLaw):
         )
 
     @property
+    def caution(self) -> Caution | None:
+        """Caution where a check speaks against the law, or failed; None where nobody asked for one."""
+        if not self.cross or not self.doubt:
+            return None
+        said = f"{self.points.name}: {self.law}"
+        if self.misses:
+            return Caution(f"{said} describes the table and predicts nothing beside it: {self.doubt}", "law")
+        said += f" could not be checked: {self.doubt}"
+        return Caution(f"{said}, so that nothing says how far it is off where it was not fitted", "law")
+
+    @property
     def unchecked(self) -> str:
         """Why nothing says how well the law predicts points that it was not fitted to; empty if something does."""
         failed = [f"{one.failed} of {one.groups} by {scheme}" for scheme, one in self.cross.items() if one.failed]
@@ -220,7 +233,11 @@ class Fit(FittedLaw):
 
     @property
     def muscle(self) -> Muscle:
-        """A muscle with the fitted law, and with the friction and creep of recordings; static points say nothing of them."""
+        """A muscle with the fitted law, and with the friction and creep of recordings; static points say nothing of them.
+
+        A `PlausibilityWarning` says where a check of the law failed or speaks against it.
+        """
+        warn(collect(self.caution))
         friction, creep = (None, None) if self.hysteresis is None else (self.hysteresis.friction, self.hysteresis.creep)
         return Muscle(self.build(), friction, creep, specimen=fitted_specimen([self]) if self.converged else None)
 
@@ -341,7 +358,11 @@ class Fit(FittedLaw):
             raise InputError("between", None, problem, where=self.points.name)
         changes = self._in_si(changes)
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
-        return muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
+        new = muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
+        own = getattr(self.build(), "rest_diameter", None)
+        if own is None or abs(changes.get("rest_diameter", own) / own - 1.0) < SAME_BORE:
+            return new
+        return replace(new, between=new.between.at_other_bore(), other_bore=True)
 
     def between_numbers(self) -> dict[str, SpecimenNumber]:
         """How far muscles of the kind differ, as numbers of a specimen; empty where the fit does not tell it."""
@@ -365,7 +386,8 @@ class Fit(FittedLaw):
             length: of the muscle, [m] or text with a unit, broadcast with the pressure.
             pressure: gauge pressure, [Pa] or text with a unit.
             elsewhere: the muscle is not measured on the rig of the table; matters where it has several rest lengths.
-            **changes: of parameters, as for `build`, such as ``rest_length=0.12``; one that is changed has no error.
+            **changes: of parameters, as for `build`, such as ``rest_length=0.12``; one that is changed has no error. Another
+                bore than the table's has a wider interval, of which a `PlausibilityWarning` says where it is from.
 
         Raises:
             ConvergenceError: the fit did not converge, or an interval of its parameters is infinite.
@@ -393,7 +415,9 @@ class Fit(FittedLaw):
             return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
 
         if self.between is not None:
-            return self._one_more(changes, elsewhere).predicted(at[0], at[1], tension())
+            new = self._one_more(changes, elsewhere)
+            warn(new.cautions())
+            return new.predicted(at[0], at[1], tension())
         columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]
         moves = np.reshape(np.array(columns), (len(names), *at[0].shape))
         reach, bore = self._reach(changes), self.known.get("rest_diameter")

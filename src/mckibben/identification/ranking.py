@@ -293,21 +293,17 @@ class Ranking(Answer):
 
     def doubt(self) -> Caution | None:
         """Caution where a check speaks against the law that a file takes, or failed; None where nobody asked for one."""
-        first = next((f for f in self.fits if f.converged), None)
-        if first is None or not first.cross or not first.doubt:
-            return None
-        said = f"{self.points.name}: {first.law}"
-        if first.misses:
-            return Caution(f"{said} describes the table and predicts nothing beside it: {first.doubt}", "law")
-        said += f" could not be checked: {first.doubt}"
-        return Caution(f"{said}, so that nothing says how far it is off where it was not fitted", "law")
+        return next((f.caution for f in self.fits if f.converged), None)
 
     def saved_laws(self) -> str:
-        """Which laws a saved file holds, and which of them it takes; empty where there is one."""
-        first, *others = [f.law for f in self.fits if f.converged] or [""]
-        if not others:
+        """Which laws a saved file holds, which of them it takes, and which passed no check; empty where there is one."""
+        named: list[str] = []
+        for f in self.fits:
+            doubt = "misses what was left out" if f.misses else "could not be checked" if f.unchecked else ""
+            named += [f"{f.law} ({doubt})" if f.cross and doubt else f.law] if f.converged else []
+        if len(named) < 2:
             return ""
-        return f"its law is {first}, the first of the ranking; {{law}} takes another: {', '.join(others)}"
+        return f"its law is {named[0]}, the first of the ranking; {{law}} takes another: {', '.join(named[1:])}"
 
     def to_specimen(self, name: str = "fitted") -> Specimen:
         """The fitted laws as a specimen; raises `ConvergenceError` if no fit converged."""

@@ -164,10 +164,12 @@ def _stated_share(spec: Specimen | None, name: str) -> float | None:
 
 def _of_other_bore(spec: Specimen, law: TensionLaw) -> bool:
     """Whether a law is of another bore than the muscles of the make, of which nothing was measured."""
-    bore = getattr(law, "rest_diameter", None)
-    if bore is None or "rest_inner_diameter" not in spec.properties:
+    bore, stated = getattr(law, "rest_diameter", None), spec.laws.get(law_name(law), {}).get("rest_diameter")
+    # what a fit of a table wrote has the bore with its law only
+    stated = spec.properties.get("rest_inner_diameter", stated)
+    if bore is None or stated is None:
         return False
-    return abs(float(bore) / spec.property_si("rest_inner_diameter", "m") - 1.0) > SAME_LENGTH
+    return abs(float(bore) / float(str(stated.si("m", field="rest_diameter"))) - 1.0) > SAME_LENGTH
 
 
 def interval_words(spec: Specimen, law: TensionLaw) -> str:

@@ -86,6 +86,7 @@ TOLERANCES = {
 # The effects of a play and of a slip are not in proportion to the size: they are predicted at several, in units of that
 # above.
 RUNGS = {"valve_sticking": (1.0, 3.0, 8.0, 24.0, 64.0), "clamp_grip": (1.0, 8.0, 64.0)}
+QUICK_RELEASES = 2, 8  # false alarms of a clamp, of so many sound runs, see benchmarks/diagnosis.py
 CLAMP_GRIP = "clamp_grip"  # searched as the tension by which it is below the largest of the sound rig
 CLAMP_SLACK = "clamp_slack"
 # What such a fault does hangs on the motion to the micrometre, more than the recording tells: its interval spans those of
@@ -408,7 +409,16 @@ def diagnose(
     except InputError as error:
         raise error.at(where) if where else error from None
     found = diagnose_sections(observer, sections)
-    return replace(found, cautions=_differences(record, observer.rig, rig), file=where)
+    said = _differences(record, observer.rig, rig)
+    if found.fault == CLAMP_GRIP and found.description:
+        alarms, runs = QUICK_RELEASES
+        called = f"of {runs} sound quick releases beside files that were off {alarms} were called a slipping clamp"
+        said += (
+            Caution(
+                f"{called}: look at the clamp, or characterise the muscle and take its file as {{exact}}", "recording"
+            ),
+        )
+    return replace(found, cautions=said, file=where)
 
 
 def _differences(record: Recording, named: Rig, rig: Rig | str | os.PathLike[str] | None) -> tuple[Caution, ...]:
