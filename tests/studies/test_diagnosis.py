@@ -28,6 +28,8 @@ from mckibben.studies.diagnosis.fault_fit import (
 )
 from mckibben.studies.diagnosis.observer import LENGTH_OFF, RecordedSection, filtered, mean_reading
 
+pytestmark = pytest.mark.filterwarnings("ignore:of 8 sound quick releases")  # said with every slipping clamp
+
 PERIOD = 1e-3
 TIME = 0.5 + PERIOD * np.arange(1600)
 PHASE = 2.0 * np.pi * 1.25 * (TIME - TIME[0])
