@@ -182,7 +182,7 @@ def each_once(field: str, values: Iterable[T], *, where: str | None = None) -> l
     listed = list(values)
     keys: list[object] = []
     for one in listed:
-        path = os.fspath(one) if isinstance(one, str | os.PathLike) else ""
+        path = str(one) if isinstance(one, str | os.PathLike) else ""
         keys.append(os.path.normpath(path) if path else one if isinstance(one, int | float) else id(one))
         if keys[-1] in keys[:-1]:
             name = getattr(one, "name", None) or getattr(one, "__name__", None) or str(one)

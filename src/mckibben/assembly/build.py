@@ -146,7 +146,7 @@ def with_parameters(
     Raises:
         InputError: a path is unknown, or a value out of bounds, as ``muscle.PATH``.
     """
-    others = {}
+    others: dict[str, float] = {}
     for path, value in values.items():
         declared = unit_parameter(unit, path)
         number = parse(value, declared.unit, field=f"muscle.{path}") if isinstance(value, str) else value

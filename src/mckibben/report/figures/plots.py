@@ -308,14 +308,11 @@ def plot_loops(
         folder = Path(path_text(recordings, "recordings"))
         loops, x, y = analysis_figures.loops_of_sweep(folder, across=across, channel=channel)
     else:
-        if not (
-            isinstance(recordings, Sequence) and recordings and all(isinstance(one, Recording) for one in recordings)
-        ):
-            raise InputError(
-                "recordings", None, f"must be recordings, one or more, or a sweep's folder, got {recordings!r}"
-            )
-        loops, x, y = analysis_figures.loops_of_recordings(recordings, across=across, channel=channel, words=words)
-        title = title or str(recordings[0].meta.get("title", ""))
+        some: Any = recordings
+        if not (isinstance(some, Sequence) and some and all(isinstance(one, Recording) for one in some)):
+            raise InputError("recordings", None, f"must be recordings, one or more, or a sweep's folder, got {some!r}")
+        loops, x, y = analysis_figures.loops_of_recordings(some, across=across, channel=channel, words=words)
+        title = title or str(some[0].meta.get("title", ""))
     return shown(analysis_figures.swept_loops_figure(loops, x, y, title=title))
 
 
