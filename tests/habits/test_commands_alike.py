@@ -119,3 +119,12 @@ def test_all_that_can_be_written_is_written_by_out_and_all_that_ends_prints_json
         assert words in lasting or "--json" in names, words
         assert not names & {"--report", "--save", "--svg", "--output-file"}, words
     assert {p.opts[0] for p in ALL["reproduce"].params if p.opts[0] == "--figure"}  # which figure, not where to
+
+
+def test_every_default_is_one_that_the_parser_takes():
+    """What is typed is judged where it is read; what a command has by itself goes the same way, such as a folder."""
+    for words, one in ALL.items():
+        with one.make_context(words, [], resilient_parsing=True) as ctx:
+            for param in one.params:
+                if param.default is not None and not callable(param.default):
+                    param.process_value(ctx, param.default)

@@ -83,7 +83,8 @@ class PlainValue:
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         if self._kind in (str, Path):
-            for one in ([value] if isinstance(value, str) else value) if self._kind is Path else ():
+            words = [value] if isinstance(value, str) else value if isinstance(value, list | tuple) else []
+            for one in words if self._kind is Path else ():
                 path_text(one, max(param.opts, key=len) if param.param_type_name == "option" else param.name)
             if isinstance(value, str):
                 return self._kind(value)
