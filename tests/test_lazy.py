@@ -85,8 +85,10 @@ def test_what_waits_for_jax_is_done_when_it_is_loaded_and_not_before():
 def test_names_of_a_package_are_those_of_their_modules_and_loaded_when_they_are_asked_for(tmp_path, monkeypatch):
     (tmp_path / "late_package").mkdir()
     (tmp_path / "late_package/__init__.py").write_text(
+        "from typing import TYPE_CHECKING\n"
         "from mckibben._lazy import lazy_names, lazy_submodules\n"
-        "lazy_names(__name__, {'one': ['A'], 'two': ['B', 'C']})\nlazy_submodules(__name__)\n"
+        "if TYPE_CHECKING:\n    from .one import A as A\n    from .two import B as B\n    from .two import C as C\n"
+        "lazy_names(__name__)\nlazy_submodules(__name__)\n"
     )
     (tmp_path / "late_package/one.py").write_text("A = []\n")
     (tmp_path / "late_package/two.py").write_text("B, C = object(), 3\n")

@@ -113,7 +113,11 @@ def test_what_was_changed_on_the_bench_is_taken_back_by_ctrl_z_change_by_change(
     until(lambda: page.evaluate(muscle) == "fiberglass")
     for expected in (("nylon", "3"), ("nylon", "1"), ("nylon", "2")):
         page.keyboard.press("Control+z")
-        until(lambda e=expected: (page.evaluate(muscle), page.evaluate(value)) == e)
+        try:
+            until(lambda e=expected: (page.evaluate(muscle), page.evaluate(value)) == e)
+        except AssertionError:
+            now = page.evaluate(muscle), page.evaluate(value), page.inner_text("#toasts"), page.inner_text("#log")
+            raise AssertionError(f"{expected} was expected; there is {now}") from None
     says(page, "#toasts", "undone: Nylon shell")
 
 

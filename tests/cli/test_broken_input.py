@@ -406,7 +406,10 @@ def verdict(code, out, err, option, value):
     """What is wrong with the answer to something wrong; nothing where it is one line that names it."""
     if code != 2:
         return f"code {code}"
-    if err.count("\n") != 1 or not err.startswith("mckibben: "):
+    last = err.splitlines()[-1:]  # what a computation had to say before stands above
+    if [line for line in err.splitlines() if not line.startswith("mckibben: caution: ")] != last:
+        return "lines"
+    if not err.startswith("mckibben: "):
         return "lines"
     if out:
         return "output"

@@ -85,7 +85,7 @@ def test_a_table_without_a_header_is_read_by_column_and_unit(run, tmp_path):
     np.savetxt(tmp_path / "bare.txt", table)
     words = ["--column", "time=1", "--column", "tank.pressure=2", "--unit", "time=ms", "--unit", "tank.pressure=kPa"]
     code, out, err = run("fit", "c.toml", "bare.txt", "--free", HOLE, "--start", f"{HOLE}=2e-8", *words, "--json")
-    assert (code, err) == (0, "")
+    assert code == 0 and "the model does not describe the record" in err  # no orifice fills a tank in that way
     found = json.loads(out)
     assert found["converged"]
     # an exponential is no orifice: a tenth of the step is left

@@ -64,7 +64,7 @@ def test_a_loop_is_fitted_printed_and_drawn(run, tmp_path):
             ("loop.csv", "--friction", "dahl", "--hysteresis", "loop.csv"),
             "--hysteresis is allowed only without --friction",
         ),
-        (("map.csv", "map.csv", "--hysteresis", "loop.csv"), "--hysteresis is allowed only with one table"),
+        (("map.csv", "loop.csv", "--hysteresis", "loop.csv"), "--hysteresis is allowed only with one table"),
         (("map.csv", "--hysteresis", "none.csv"), "File not found: none.csv"),
         (("map.csv", "--hysteresis", "runs/*.csv"), "must hold at least one recording"),
     ],

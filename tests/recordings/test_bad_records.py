@@ -467,7 +467,7 @@ def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     half.write_bytes(gzip.compress(text(rows(), GOOD).encode())[:60])
     assert "unreadable" in refusal(half)
     assert "not found" in refusal(tmp_path / "nowhere.csv")
-    assert "not found" in refusal(tmp_path)  # a folder
+    assert "it is a folder" in refusal(tmp_path)
 
 
 def test_a_record_of_others_survives_our_files(tmp_path: Path) -> None:

@@ -263,7 +263,7 @@ def test_an_absolute_pressure_is_told_by_its_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "0 rows"),
+        ("", "file is empty"),
         (GOOD + "\n", "0 rows"),
         ("260,1,18.8\n270,1,23.5\n", "name the columns"),
         (GOOD + "\n260,1\n", "cells"),

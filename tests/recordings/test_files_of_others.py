@@ -543,7 +543,7 @@ def test_a_muscle_levers_file_without_a_protocol_is_read_and_says_so(tmp_path):
 
 GOOD = "length_mm,pressure_bar,force_N\n250,1,10\n260,2,20\n270,3,30\n"
 BROKEN = {
-    "empty.csv": (b"", "no row of numbers was found; the file must have a header and rows of numbers"),
+    "empty.csv": (b"", "file is empty"),
     "picture.csv": (bytes(range(256)), "the file is unreadable as a CSV text file: it holds binary data"),
     "cell.csv": (GOOD.replace("20", "2O").encode(), "force_N, row 3 must be a number, got '2O'"),
     "ragged.csv": (GOOD.replace("2,20", "2").encode(), "row 3 has 2 cells, and the header has 3 columns"),

@@ -393,7 +393,7 @@ def test_the_dataset_is_what_the_file_holds(tmp_path: Path) -> None:
         (lambda: some().save("run.mat"), "Known are .nc, .csv"),
         (lambda: some().save("run"), "Known are .nc, .csv"),
         (lambda: some().save("no-such-folder/run.nc"), "no folder"),
-        (lambda: read_recording("run.mat"), "Known are .nc, .csv"),
+        (lambda: read_recording(__file__), "Known are .nc, .csv"),
         (lambda: read_recording("nowhere.nc"), "not found"),
     ],
 )
@@ -446,7 +446,7 @@ def broken(path: Path, change) -> Path:
         ),
         (lambda s: "\n".join(line for line in s.splitlines() if not line[0].isdigit()), "at least one sample"),
         (lambda s: "\n".join(s.splitlines()[:3]), "file has no numbers"),
-        (lambda s: "", "no recording of mckibben"),
+        (lambda s: "", "file is empty"),
     ],
 )
 def test_a_broken_csv_is_refused_by_name(tmp_path: Path, change, said: str) -> None:
@@ -486,7 +486,7 @@ def test_half_a_netcdf_file_is_refused(tmp_path: Path, keep: float) -> None:
     path = some(5000).save(tmp_path / "run.nc")
     whole = path.read_bytes()
     path.write_bytes(whole[: int(keep if keep > 1 else keep * len(whole))])
-    with pytest.raises(InputError, match=r"run\.nc: file cannot be read"):
+    with pytest.raises(InputError, match=r"run\.nc: file (cannot be read|is empty)"):
         read_recording(path)
 
 

@@ -210,11 +210,12 @@ class TensionLaw(Module):
         """Evaluate the complete state."""
         span, pressure = _together(span, pressure)
         passive, active = self.passive_tension(span), self.active_tension(span, pressure)
-        slack, overstretched = passive + active <= 0.0, self.overstretched(span)
+        force = self.braid_tension(span, pressure)  # the sum of both, to rounding
+        slack, overstretched = force <= 0.0, self.overstretched(span)
         braid_length = self._braid_length(span, pressure)
         volume = self.braid_volume(braid_length, pressure) if self.has_volume() else jnp.full_like(passive, jnp.nan)
         return LawState(
-            tension=jnp.where(slack, 0.0, passive + active),
+            tension=jnp.where(slack, 0.0, force),
             passive=passive,
             active=active,
             volume=volume,
