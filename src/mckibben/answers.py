@@ -221,7 +221,8 @@ class Answer:
     def data(self) -> Mapping[str, Sequence[Any]]:
         """Columns of the main table [SI], as files hold it."""
         rows = self.rows()
-        return {name: [row[name] for row in rows] for name in (rows[0] if rows else {})}
+        names = dict.fromkeys(name for row in rows for name in row)
+        return {name: [row.get(name) for row in rows] for name in names}
 
     def column_units(self) -> Mapping[str, str]:
         """SI units of the columns of the main table."""

@@ -44,6 +44,11 @@ def bench(visit, status, until):
         # by the server: what a page knows may be older than the vent before
         asked = "window.lab.act('say', {line: 'status'}).then(a => a.said.text)"
         until(lambda: page.evaluate(asked).startswith("idle"))
+        setup = "window.lab.lab.parts.setup"
+        for part, usual in (("rig", "paper"), ("muscle", "nylon")):  # whatever a test before has chosen
+            if page.evaluate(f"{setup}.{part}") != usual:
+                assert page.evaluate(f"window.lab.act('{part}', {{name: '{usual}'}})")["ok"]
+                until(lambda one=part, u=usual: page.evaluate(f"{setup}.{one}") == u)
         assert page.evaluate("([t]) => window.lab.act('text', {text: t})", [text])["ok"]
         name = re.search(r'name = "(\w+)"', text)[1]
         until(lambda: page.evaluate("window.lab.lab.parts.protocol?.name") == name)

@@ -18,7 +18,7 @@ from mckibben_benchmark.page import page
 from mckibben_benchmark.physics import KangModel
 from mckibben_benchmark.run import RecordScore, TaskScore, scales, score_record
 from mckibben_benchmark.tasks import READINGS
-from measured_data import FOLDER, measured
+from measured_data import FOLDER, measured, needs
 
 ABOVE = "map-above-4-bar"
 REFERENCE = Path(__file__).parents[3] / "docs" / "reference"
@@ -41,7 +41,7 @@ class Mean:
     "name",
     [
         *(name for name, one in TASKS.items() if one.ships),
-        pytest.param("data-sheet", marks=measured("festo_datasheet")),
+        pytest.param("data-sheet", marks=needs("festo_datasheet")),
     ],
 )
 def test_no_predicted_point_is_trained_on(name):

@@ -150,8 +150,12 @@ class Sizing(Answer):
 
     def rows(self) -> list[dict[str, JsonValue]]:
         """One row per muscle, as in `to_dict`."""
-        plain = (one.to_dict() for one in self.muscles[: self.shown])
-        return [{k: v for k, v in one.items() if not isinstance(v, dict | list)} for one in plain]
+        rows = []
+        for one in self.muscles[: self.shown]:
+            low, high = one.interval or (None, None)
+            plain = one.to_dict() | {"interval": [], "interval_low": low, "interval_high": high}
+            rows.append({name: value for name, value in plain.items() if not isinstance(value, dict | list)})
+        return rows
 
     def failure(self) -> str | None:
         """The sentence where nothing reaches it."""
