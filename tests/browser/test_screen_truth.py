@@ -317,7 +317,7 @@ def test_words_of_the_drawn_machine_do_not_run_into_each_other(visit, width):
     page.wait_for_function("() => window.lab?.lab.parts.dry?.passed")
     page.set_viewport_size({"width": width, "height": 900})  # what stands is drawn no second time by itself
     drawn = f"window.wide === {width} && Object.keys(window.said).some(t => t.startsWith('the protocol'))"
-    page.wait_for_function(drawn)
+    page.wait_for_function(f"() => {drawn}")
     over = page.evaluate(
         """() => { const all = Object.entries(window.said).filter(([t]) => t.length > 1); const wrong = []
         all.forEach(([t, a], i) => all.slice(i + 1).forEach(([u, b]) => {
