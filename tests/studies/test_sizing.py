@@ -201,6 +201,16 @@ def test_a_fluidic_muscle_is_cut_as_short_as_does_it():
     assert judged(shorter, wish).margins["force"] < 0.0
 
 
+def test_a_table_holds_the_interval_of_every_muscle_also_of_those_that_state_none():
+    sizing = size(force="50 N", stroke="2 cm", pressure="5 bar", lines=False)
+    columns, shown = sizing.data(), sizing.muscles[: sizing.shown]
+    assert len({one.interval is None for one in shown}) == 2  # both kinds are there
+    assert list(zip(columns["interval_low"], columns["interval_high"], strict=True)) == [
+        one.interval or (None, None) for one in shown
+    ]
+    assert {len(values) for values in columns.values()} == {len(shown)}
+
+
 def test_those_that_do_it_come_first_with_the_least_air():
     order = ranked([judged(one, MET["nylon"]) for one in of_specimens(MET["nylon"])])
     verdicts = [one.verdict for one in order]
