@@ -34,6 +34,7 @@ COMPILER = ROOT / "packages" / "lanewise"
 ABOVE = sorted((ROOT / "packages").glob("mckibben-*"))  # distributions above mckibben
 CIRCUITS = ROOT / "examples" / "circuits"
 MAP = ROOT / "src" / "mckibben" / "specimens" / "maps" / "DMSP-20-300_force_map.csv"
+OTHER_MAP = str(MAP.with_name("DMSP-10-250_force_map.csv"))
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
 KEPT_ABOVE = ("README.md", "LICENSE", "NOTICE", "firmware/README.md", "firmware/bench.c")  # of those that have them
 TOOLS = ("build", "hatchling>=1.27", "twine")
@@ -190,7 +191,7 @@ CALLS: dict[str, list[Call]] = {
     "fit": [
         Call(("DMSP-20-300", "--law", "ideal", "--out", "fit.html", "--out", "fit.toml"), ["fit.html", "fit.toml"]),
         Call(("DMSP-20-300", "--law", "ideal", "--length-error", "0.5 mm")),
-        Call((str(MAP), str(MAP), "--runs", "--rest-length", "30 cm", "--law", "ideal")),
+        Call((str(MAP), OTHER_MAP, "--runs", "--rest-length", "30 cm", "--law", "ideal")),
         needs("report", "DMSP-20-300", "--out", "fit.pdf"),
         needs("posterior", "DMSP-20-300", "--law", "ideal", "--posterior"),
         Call(("no.csv", "--friction", "dahl"), says=("File not found: no.csv",)),
