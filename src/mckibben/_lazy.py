@@ -65,9 +65,7 @@ def public_names(package: str) -> dict[str, str]:
     """
     room: Any = sys.modules[package]
     places = {}
-    for line in (
-        room.__loader__.get_data(room.__file__).decode().splitlines()
-    ):  # as source, a library would be loaded for it
+    for line in room.__loader__.get_data(room.__file__).decode().splitlines():  # to parse it a library would be loaded
         match line.split():
             case ["from", module, "import", name, "as", known, *_] if module.strip(".") and not known.startswith("_"):
                 places[known] = f"{module}:{name}"

@@ -180,13 +180,15 @@ def each_once(field: str, values: Iterable[T], *, where: str | None = None) -> l
         InputError: names the value; spellings of one path are one.
     """
     listed = list(values)
-    keys: list[object] = []
+    known: set[tuple[str, object]] = set()
     for one in listed:
         path = str(one) if isinstance(one, str | os.PathLike) else ""
-        keys.append(os.path.normpath(path) if path else one if isinstance(one, int | float) else id(one))
-        if keys[-1] in keys[:-1]:
+        number = isinstance(one, int | float)
+        key = ("path", os.path.normpath(path)) if path else ("number", one) if number else ("object", id(one))
+        if key in known:
             name = getattr(one, "name", None) or getattr(one, "__name__", None) or str(one)
             raise InputError(field, name, "must be stated once; it is there twice", where=where)
+        known.add(key)
     return listed
 
 

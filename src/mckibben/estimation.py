@@ -40,9 +40,7 @@ AT_BOUND = 1e-6  # distance from a bound, in scaled parameters, at which a param
 # A fit may end where it began only at a minimum. There no parameter by itself lowers the sum of squares by more than a
 # millionth, its cosine with the residual squared, or none would be moved by more than a millionth of its size.
 FLAT_COSINE, FLAT_STEP = 1e-3, 1e-6
-MISSED = (
-    0.03  # share of what a record spans beyond which errors that last are said: several times that of usual sensors
-)
+MISSED = 0.03  # share of what a record spans beyond which lasting errors are said: several times that of usual sensors
 FEWEST = 8  # samples of which one can say whether errors last
 NAMED = 3  # parameters that a sentence names
 

@@ -24,6 +24,7 @@ from ..answers import Caution, collect, warn
 from ..documents import JsonValue
 from ..errors import ConvergenceError, InputError, each_once
 from ..muscles.build import build_law, cut_parameters, default_parameters
+from ..muscles.evidence import is_other_bore
 from ..muscles.law import TensionLaw
 from ..muscles.laws import LAWS, law_key, law_type
 from ..muscles.muscle import Muscle
@@ -57,7 +58,6 @@ RESOLUTION = 1e-6
 ALIKE = 0.05  # share by which errors of prediction may differ between laws that predict alike
 MOST_LENGTH_ERROR = 0.01  # a ruler that errs by more measures no muscle [m]
 SIZE_UNITS = ("m", "m^2", "m^3", "rad")
-SAME_BORE = 0.02  # share by which a bore may differ from that of the table without being another
 STEP_SHARE = 0.01  # of an interval, over which a prediction is taken as straight
 
 
@@ -360,7 +360,7 @@ class Fit(FittedLaw):
         free = [name for name in self.parameters if name not in (*changes, *self.not_contained)]
         new = muscle_of_fit(self, self.between, self.build(**changes), free, elsewhere=elsewhere)
         own = getattr(self.build(), "rest_diameter", None)
-        if own is None or abs(changes.get("rest_diameter", own) / own - 1.0) < SAME_BORE:
+        if own is None or not is_other_bore(changes.get("rest_diameter", own), own):
             return new
         return replace(new, between=new.between.at_other_bore(), other_bore=True)
 

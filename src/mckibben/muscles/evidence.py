@@ -33,7 +33,7 @@ from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
 PRESSURE_OF_LARGEST = "highest_measured_pressure"
-SAME_LENGTH = 0.02  # share by which a rest length may leave the measured ones without a word
+SAME_LENGTH = 0.02  # share by which a rest length or a bore may leave the measured ones without a word
 
 
 class LawError(NamedTuple):
@@ -169,7 +169,12 @@ def _of_other_bore(spec: Specimen, law: TensionLaw) -> bool:
     stated = spec.properties.get("rest_inner_diameter", stated)
     if bore is None or stated is None:
         return False
-    return abs(float(bore) / float(str(stated.si("m", field="rest_diameter"))) - 1.0) > SAME_LENGTH
+    return is_other_bore(float(bore), float(str(stated.si("m", field="rest_diameter"))))
+
+
+def is_other_bore(bore: float, of_make: float) -> bool:
+    """Whether a bore is none of those that were measured [m]."""
+    return abs(bore / of_make - 1.0) > SAME_LENGTH
 
 
 def interval_words(spec: Specimen, law: TensionLaw) -> str:

@@ -142,7 +142,7 @@ class TensionLaw(Module):
         """Signed force of the braid [N]; what a fit and an equation of motion use."""
         length, pressure = _together(length, pressure)
         at = _within(self, length)
-        return at.share * self._force(at.length, pressure) + self.thread_stiffness() * at.stretch
+        return at.share * self.formula_tension(at.length, pressure) + self.thread_stiffness() * at.stretch
 
     @evaluated
     def braid_energy(self, length: Scalar, pressure: Scalar) -> Scalar:
@@ -165,11 +165,11 @@ class TensionLaw(Module):
     def thread_stiffness(self) -> Scalar:
         """Stiffness of the threads beyond the range [N/m]: tension at the longest length and 10 bar over their stretch."""
         longest = jnp.asarray(self.length_range()[1], float)
-        full = self._force(longest, jnp.full_like(longest, HIGHEST_PRESSURE))
+        full = self.formula_tension(longest, jnp.full_like(longest, HIGHEST_PRESSURE))
         return jnp.maximum(full, LEAST_PULL) / (self.thread_strain * longest)
 
-    def _force(self, length: Scalar, pressure: Scalar) -> Scalar:
-        """Sum of both parts, as the formulas give them [N]; a law of one potential that is costly asks for it once."""
+    def formula_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Signed force of walls and gas as the formulas give it, threads left out [N]; one that is costly is asked once."""
         return self.elastic_tension(length) + _active(self, length, pressure)
 
     # ---- the muscle between its anchors: unilateral

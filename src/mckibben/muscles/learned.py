@@ -22,7 +22,7 @@ from typing import Any, Self
 import numpy as np
 
 from .._jax import Scalar, jnp
-from ..components import field
+from ..components import derivative, field
 from ..errors import InputError
 from ..quantities import declared, quantity
 from ..specimens import SpecimenNumber
@@ -143,6 +143,11 @@ class LearnedResidual(TensionLaw):
                 share = share + self.weights[i, j] * of_pressure[j]  # type: ignore[index]
             energy = energy + share * of_length[i]
         return energy
+
+    def formula_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """That of the law, and what was learned [N]."""
+        learned = derivative(lambda x: self.learned_energy(x, pressure), length)
+        return self.of.formula_tension(length, pressure) - learned
 
     def elastic_tension(self, length: Scalar) -> Scalar:
         """That of the law [N]."""

@@ -146,9 +146,8 @@ class PageConnection:
         self.stream = False
         self._seen, self._told = (0, 0), 0
         self._moving, self._stops, self._acts = False, 0, 0
-        self._turn = (
-            asyncio.Lock()
-        )  # what a page asks for is done in the order in which it asks; stops wait for nothing
+        # What a page asks for is done in the order in which it asks; stops wait for nothing.
+        self._turn = asyncio.Lock()
         self._kept: dict[str, Any] = {}
 
     def remember(self, hello: dict[str, JsonValue]) -> None:

@@ -121,7 +121,7 @@ class PotentialMuscle(CycleMuscle):
     def tension(self, length: Scalar, pressure: Scalar) -> Scalar:
         """Tension of the law [N]."""
         length, pressure = jnp.broadcast_arrays(jnp.asarray(length, float), jnp.asarray(pressure, float))
-        return self.law.elastic_tension(length) - derivative(lambda x: self.law.gas_energy(x, pressure), length)
+        return self.law.formula_tension(length, pressure)
 
 
 def has_paper_volume(law: TensionLaw) -> bool:

@@ -86,9 +86,7 @@ class EmergencyStop:
 
 ASKED = 0.1  # share of the valve's range above which a pressure must show
 NOTHING_READ = 0.02  # share of it below which there is none
-SPAN_TOLERANCE = (
-    3e-4  # within which a machine holds a span, so that one at the end of the frame may be this far beyond [m]
-)
+SPAN_TOLERANCE = 3e-4  # within which a machine holds a span; at the end of its frame it may be so far beyond [m]
 FULL = 0.999  # share of the motor's force from which it counts as full
 UNBALANCED = 0.5  # share of the motor's force that no tension balances: then something must move
 _DONE = "stopped and vented"

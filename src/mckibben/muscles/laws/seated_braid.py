@@ -70,10 +70,10 @@ class BraidInSeats(TensionLaw):
         u: Scalar = _take_up(self.braid(), self.seat_compliance, length, pressure)
         return u
 
-    def _force(self, length: Scalar, pressure: Scalar) -> Scalar:
-        return derivative(
-            lambda x: self._potential(x, pressure), length
-        )  # its parts would settle once more, without gas
+    def formula_tension(self, length: Scalar, pressure: Scalar) -> Scalar:
+        """Slope of the potential [N]."""
+        # the parts, each by itself, would settle once more without gas
+        return derivative(lambda x: self._potential(x, pressure), length)
 
     def _potential(self, length: Scalar, pressure: Scalar) -> Scalar:
         energy: Scalar = _potential(self.braid(), self.seat_compliance, length, pressure)

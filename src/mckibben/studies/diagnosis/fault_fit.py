@@ -413,11 +413,8 @@ def diagnose(
     if found.fault == CLAMP_GRIP and found.description:
         alarms, runs = QUICK_RELEASES
         called = f"of {runs} sound quick releases beside files that were off {alarms} were called a slipping clamp"
-        said += (
-            Caution(
-                f"{called}: look at the clamp, or characterise the muscle and take its file as {{exact}}", "recording"
-            ),
-        )
+        would = "look at the clamp, or characterise the muscle and take its file as {exact}"
+        said += (Caution(f"{called}: {would}", "recording"),)
     return replace(found, cautions=said, file=where)
 
 

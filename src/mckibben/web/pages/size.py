@@ -383,9 +383,8 @@ class SizePage:
             words.append(stage)
 
         job = asyncio.ensure_future(asyncio.to_thread(answer, question, told))
-        job.add_done_callback(
-            lambda done: done.cancelled() or done.exception()
-        )  # of a page that was closed nobody asks
+        # Of a page that was closed nobody asks for the answer, nor why there is none.
+        job.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
             while not (await asyncio.wait({job}, timeout=LOOKS))[0]:
                 if number == self.number:

@@ -152,9 +152,8 @@ class FitJob:
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace, self._stop = workspace, threading.Event()
-        self._lock = (
-            threading.Lock()
-        )  # a fit ends or is stopped: what comes late is not of the table that came meanwhile
+        # A fit ends or is stopped: what comes late is not of the table that came meanwhile.
+        self._lock = threading.Lock()
         self.fits: dict[str, Fit] = {}
         self.skipped: dict[str, str] = {}
         self.words, self.version, self.running = "", 0, False
