@@ -305,14 +305,16 @@ def test_words_of_the_field_are_explained_where_they_stand_in_the_words_of_the_d
 def test_words_of_the_drawn_machine_do_not_run_into_each_other(visit, width):
     page = visit("/", width=1600)
     page.evaluate(
-        """() => { const was = CanvasRenderingContext2D.prototype.fillText; window.said = {}
+        """() => { const { fillText, clearRect } = CanvasRenderingContext2D.prototype; window.said = {}
+        CanvasRenderingContext2D.prototype.clearRect = function (...a) {
+            if (this.canvas.closest('#stage')) window.said = {}  // of one drawing: the machine may move meanwhile
+            return clearRect.apply(this, a) }
         CanvasRenderingContext2D.prototype.fillText = function (t, x, y) {
-            if (this.canvas.closest('#stage')) { const m = this.measureText(t)
-                if (window.wide !== innerWidth) { window.wide = innerWidth; window.said = {} }  // as it is drawn now
+            if (this.canvas.closest('#stage')) { const m = this.measureText(t); window.wide = innerWidth
                 window.said[t] = {
                 left: x - m.actualBoundingBoxLeft, right: x + m.actualBoundingBoxRight,
                 top: y - m.actualBoundingBoxAscent, bottom: y + m.actualBoundingBoxDescent } }
-            return was.call(this, t, x, y) } }"""
+            return fillText.call(this, t, x, y) } }"""
     )
     page.wait_for_function("() => window.lab?.lab.parts.dry?.passed")
     page.set_viewport_size({"width": width, "height": 900})  # what stands is drawn no second time by itself
