@@ -122,12 +122,12 @@ def test_estimates_have_intervals_unless_something_else_is_said_of_all() -> None
     assert none.heads == ["parameter", "value", ""] and none.cells()[1] == ["b", "1 N", "y"]
 
 
-def test_the_columns_of_unlike_rows_are_those_of_the_first() -> None:
+def test_a_column_that_only_some_rows_have_is_kept_with_gaps() -> None:
     class Unlike(Answer):
         def rows(self):
             return [{"a": 1}, {"a": 2, "b": 3}]
 
-    assert Unlike().data() == {"a": [1, 2]}
+    assert Unlike().data() == {"a": [1, 2], "b": [None, 3]}
     assert "<svg" not in Unlike()._repr_html_()
 
 
