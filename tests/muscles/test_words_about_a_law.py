@@ -173,6 +173,26 @@ def test_a_rest_length_beyond_the_measured_ones_is_said(rest, said):
         assert known.text.endswith("there ideal was off by up to 3 % of the largest tension (by other_length)")
 
 
+@pytest.mark.parametrize(("rest", "share"), [(0.2, 0.05), (0.1, np.hypot(0.05, 0.3)), (0.3, np.hypot(0.05, 0.3))])
+def test_beyond_the_measured_rest_lengths_an_interval_holds_what_the_law_was_off_there(rest, share):
+    one, at = measured(rest, {"other_length": 0.3}), spec(highest_measured_pressure=PRESSURE).properties
+    one = dataclasses.replace(one, between=spec(between=SPREAD).between, properties=one.properties | at)
+    unknown, own = (
+        dataclasses.replace(one, errors={}),
+        dataclasses.replace(one, between=spec(between={"calibrated": 0.03}).between),
+    )
+    characterised = dataclasses.replace(
+        one, between={}, properties=one.properties | spec(tension_uncertainty=7.0).properties
+    )
+    assert make_spread(one, LAW).elsewhere == pytest.approx(share, rel=1e-12)
+    assert half_width(one, LAW) == pytest.approx(share * float(LAW.tension(rest, PRESSURE)), rel=1e-9)  # rounding
+    # readings were taken of this very muscle, whatever its length
+    assert make_spread(own, LAW).calibrated == 0.03
+    for nobody_looked in (unknown, characterised):
+        known = half_width(dataclasses.replace(nobody_looked, errors={}), LAW)
+        assert (known is None) is (rest != 0.2)
+
+
 def test_a_pull_at_a_length_to_which_no_gas_shortens_a_braid_is_said_of_the_longest_such():
     shortest = LAW.thread_length / np.sqrt(3.0)  # threads at 54.7 degrees
     lengths = shortest * np.array([0.9, 0.979, 0.981, 1.2])

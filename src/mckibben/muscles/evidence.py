@@ -103,8 +103,8 @@ def make_spread(spec: Specimen | None, law: TensionLaw) -> MakeSpread | None:
         return MakeSpread(calibrated=new.share())
     if new is not None:
         return MakeSpread(_one_of_make(spec, law, same_rig=True).share(), new.share())
-    shares = {name: _stated_share(spec, name) for name in BETWEEN_SHARES}
-    return MakeSpread(**shares) if shares["elsewhere"] or shares["calibrated"] else None
+    shares = {} if spec is None else _shares(spec, law)
+    return MakeSpread(**shares) if shares.get("elsewhere") or shares.get("calibrated") else None
 
 
 def tension_interval(
@@ -146,9 +146,10 @@ def _one_of_make(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = Fal
 
 def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = False) -> float | None:
     """Half width that a specimen states [N]; a share needs the rest length and highest pressure of the largest tension."""
-    shares = {name: _stated_share(spec, name) for name in BETWEEN_SHARES}
+    shares = _shares(spec, law)
     if not shares["elsewhere"] and not shares["calibrated"]:
-        return spec.property_si("tension_uncertainty", "N") if "tension_uncertainty" in spec.properties else None
+        known = "tension_uncertainty" in spec.properties and not _off_at_rest_length(spec, law_name(law))
+        return spec.property_si("tension_uncertainty", "N") if known else None
     share = shares["calibrated"] or shares["same_rig" if same_rig else "elsewhere"]
     if share is None or _of_other_bore(spec, law) or not {"rest_length", PRESSURE_OF_LARGEST} <= spec.properties.keys():
         return None
@@ -157,9 +158,31 @@ def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = Fals
     return share * float(law.tension(at, spec.property_si(PRESSURE_OF_LARGEST, "Pa")))
 
 
-def _stated_share(spec: Specimen | None, name: str) -> float | None:
-    stated = {} if spec is None else spec.between
-    return float(str(stated[name].si("1", field=f"between.{name}"))) if name in stated else None
+def _shares(spec: Specimen, law: TensionLaw) -> dict[str, float | None]:
+    """Shares that a specimen states, wider by what its law was off at rest lengths to which it was not fitted."""
+    off, shares = _off_at_rest_length(spec, law_name(law)), dict.fromkeys(BETWEEN_SHARES)
+    for name in spec.between.keys() & shares.keys():
+        share = float(str(spec.between[name].si("1", field=f"between.{name}")))
+        shares[name] = (
+            share if name == "calibrated" else float(np.hypot(share, off))
+        )  # readings are of this very muscle
+    return {name: None if share is None or np.isinf(share) else share for name, share in shares.items()}
+
+
+def _off_at_rest_length(spec: Specimen, law: str) -> float:
+    """Largest error found at rest lengths beyond the measured ones [1]; infinite where nobody looked, 0 at measured."""
+    if not _beyond_measured(spec):
+        return 0.0
+    error = error_of(spec, law)
+    return np.inf if error is None or error.other_length is None else error.other_length
+
+
+def _beyond_measured(spec: Specimen) -> bool:
+    measured = measured_rest_lengths(spec)
+    if not measured or "rest_length" not in spec.properties:
+        return False
+    rest = spec.property_si("rest_length", "m")
+    return not (1.0 - SAME_LENGTH) * measured[0] <= rest <= (1.0 + SAME_LENGTH) * measured[-1]
 
 
 def _of_other_bore(spec: Specimen, law: TensionLaw) -> bool:
@@ -251,12 +274,9 @@ def law_cautions(spec: Specimen | None, law: TensionLaw | None, *, at_rest: bool
 
 
 def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:
-    measured = measured_rest_lengths(spec)
-    if not measured or "rest_length" not in spec.properties:
+    if not _beyond_measured(spec):
         return None
-    rest = spec.property_si("rest_length", "m")
-    if (1.0 - SAME_LENGTH) * measured[0] <= rest <= (1.0 + SAME_LENGTH) * measured[-1]:
-        return None
+    measured, rest = measured_rest_lengths(spec), spec.property_si("rest_length", "m")
     ends = " to ".join(with_unit(end, "m", 3) for end in dict.fromkeys((measured[0], measured[-1])))
     said = f"a rest length of {with_unit(rest, 'm', 4)} is beyond the measured ones of {spec.id}, {ends}"
     if error is None or error.other_length is None:
