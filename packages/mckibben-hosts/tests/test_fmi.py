@@ -7,21 +7,24 @@ from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+import mckibben as mk
 from host_loops import MASS, START, hanging_part, run_in_host
 from learned_muscle import learned_muscle
 from mckibben.errors import InputError
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.valves import SpoolValve
-from mckibben.quantities import base_exponents
+from mckibben.quantities import base_exponents, declared
 from mckibben.simulation.air import Air
+from mckibben.specimens import specimen, specimen_ids
 from mckibben_hosts import Part, export
 from mckibben_hosts.c_source import PartSource, PartVariable
 from mckibben_hosts.conformance import conform
-from mckibben_hosts.fmi_description import fmu_variables
+from mckibben_hosts.fmi_description import fmu_variables, unit_definitions
 from mckibben_hosts.fmi_export import fmu_cautions, fmu_files
 from mckibben_hosts.fmi_host import instantiate_silently
 
@@ -270,6 +273,15 @@ def test_units_are_products_of_base_units() -> None:
     assert base_exponents("1") == {}
     with pytest.raises(ValueError, match="bar"):
         base_exponents("bar")
+
+
+def test_the_unit_of_every_parameter_of_every_shipped_muscle_can_be_stated() -> None:
+    muscles = (s for s in map(specimen, specimen_ids()) if s.kind == "mckibben")
+    units = {one.unit for s in muscles for one in declared(mk.muscle(s.id).law).values() if one.unit}
+    whole = ElementTree.fromstring("".join(unit_definitions(units)))
+    stated = {one.get("name"): one.find("BaseUnit") for one in whole}
+    assert stated.keys() == units | {"s"} and stated["N/m"].attrib == {"kg": "1", "s": "-2"}
+    assert stated["m/N^0.5"] is None  # FMI has no word for half a power
 
 
 def test_a_file_of_another_kind_is_refused(part: Part, tmp_path: Path) -> None:

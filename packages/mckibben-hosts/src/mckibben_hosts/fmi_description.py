@@ -5,6 +5,7 @@ Variables are the numbers at the border of a part with names, value references a
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -195,16 +196,18 @@ def _attributes(**values: object) -> str:
     return "".join(f" {name}={quoteattr(text(value))}" for name, value in values.items() if value is not None)
 
 
-def _units(variables: Iterable[FmuVariable]) -> list[str]:
-    units = dict.fromkeys(["s", *(v.unit for v in variables if v.unit)])
+def unit_definitions(of_variables: Iterable[str]) -> list[str]:
+    """The lines of the XML that define the units of variables, and seconds."""
+    units = dict.fromkeys(["s", *of_variables])
     lines = ["  <UnitDefinitions>"]
     for unit in units:
-        base = _attributes(**base_exponents(unit))
-        display = ""
+        base, display = "", ""
+        with contextlib.suppress(ValueError):  # FMI has no word for half a power, as of m/N^0.5: its name stands alone
+            base = f"<BaseUnit{_attributes(**base_exponents(unit))}/>"
         if unit in DISPLAY_UNITS:
             name, factor = DISPLAY_UNITS[unit]
             display = f"<DisplayUnit{_attributes(name=name, factor=factor)}/>"
-        lines.append(f"    <Unit{_attributes(name=unit)}><BaseUnit{base}/>{display}</Unit>")
+        lines.append(f"    <Unit{_attributes(name=unit)}>{base}{display}</Unit>")
     return [*lines, "  </UnitDefinitions>"]
 
 
@@ -248,7 +251,12 @@ def description_3(fmu: FmuDescription) -> str:
         more = _attributes(modelIdentifier=fmu.name, needsCompletedIntegratorStep=True, **can)
         lines.append(f"  <ModelExchange{more}/>")
     more = _attributes(modelIdentifier=fmu.name, canHandleVariableCommunicationStepSize=True, **can)
-    lines += [f"  <CoSimulation{more}/>", *_units(fmu.variables), *_frame(), "  <ModelVariables>"]
+    lines += [
+        f"  <CoSimulation{more}/>",
+        *unit_definitions(v.unit for v in fmu.variables if v.unit),
+        *_frame(),
+        "  <ModelVariables>",
+    ]
     time = _attributes(name="time", valueReference=0, causality="independent", variability="continuous", unit="s")
     lines.append(f"    <Float64{time}/>")
     for v in fmu.variables:
@@ -316,7 +324,7 @@ def description_2(fmu: FmuDescription) -> str:
     step = {"canHandleVariableCommunicationStepSize": True, "canInterpolateInputs": True}
     more = _attributes(modelIdentifier=fmu.name, **step, **can)
     lines.append(f"  <CoSimulation{more}><SourceFiles>{files}</SourceFiles></CoSimulation>")
-    lines += [*_units(fmu.variables), *_frame(), "  <ModelVariables>"]
+    lines += [*unit_definitions(v.unit for v in fmu.variables if v.unit), *_frame(), "  <ModelVariables>"]
     elements = [(v, k) for v in fmu.variables for k in range(v.size)]
     places = {v.reference + k: index for index, (v, k) in enumerate(elements, 1)}  # of elements by value reference
     for v, k in elements:
