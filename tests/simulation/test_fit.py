@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -104,6 +105,18 @@ def test_to_settle_for_a_time_is_to_hold_the_first_commands_that_long_before():
     whole = longer.predict(sim, {}, len(before) + 40, 1)
     assert np.array_equal(run.predict(sim, {}, 40, 1), whole[len(before) :])
     assert not np.array_equal(whole[:40], whole[len(before) :])  # creep goes on, so that the time counts
+
+
+@pytest.mark.parametrize(("scale", "said"), [(1.0, 0), (1e-5, 1)])
+def test_what_a_sensor_shows_at_rest_is_no_slip_of_a_unit_and_a_record_in_bar_is_one(scale, said):
+    whole, name = record(samples=60), "muscle.command"
+    vented = np.where(np.arange(61) % 20 < 10, 170.0, whole[name])  # some millibar off, for samples on end
+    drive = whole.with_channels({name: mk.Channel(scale * vented, "Pa", whole.channels[name].kind, "pressure")})
+    sim = bench().with_arrays({})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        _Drive.of(sim, drive, None, "0 s", None)
+    assert len([one for one in caught if "inflates no muscle" in str(one.message)]) == said
 
 
 SHOWN = np.arange(601)  # samples of `record`, with the one at the start
