@@ -192,6 +192,13 @@ def each_once(field: str, values: Iterable[T], *, where: str | None = None) -> l
     return listed
 
 
+def refuse_unknown(names: Iterable[str], known: Iterable[str], said: str = "", *, where: str | None = None) -> None:
+    """Raise an `InputError` at the first of the names of arguments that is not known; `said` begins the list of those."""
+    for name in names:
+        if name not in (listed := list(known)):
+            raise InputError(name, None, said, known=listed, where=where)
+
+
 def not_found(path: object, kind: str = "file", *, where: str | None = None) -> InputError:
     """Return the error about a file or folder that does not exist, such as ``File not found: x.csv``."""
     text = str(path)

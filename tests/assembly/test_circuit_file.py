@@ -55,7 +55,7 @@ duration = "0.15 s"
 MUSCLE = """
 schema = 1
 [environment]
-pressure = "1.0336 bar"
+pressure_abs = "1.0336 bar"
 temperature = "300 K"
 [nodes.source]
 kind = "reservoir"
