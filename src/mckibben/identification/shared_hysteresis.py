@@ -36,7 +36,7 @@ from .._jax import Array, Scalar, jax, jnp
 from ..answers import Column, Table, brief, estimates
 from ..documents import JsonValue
 from ..errors import InputError
-from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
+from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, misfit, uncertainty, widening
 from ..formats.labels import quantity_of
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, FrictionLimit
@@ -498,6 +498,11 @@ def fit_shared_hysteresis(
         if r not in measured
     ]
     left = [f"{name} is left out: the muscle pulls at {n} of its samples only" for name, n in slack.items()]
+    pieces = list(zip(motions, problem.errors(values[best.title] if best.free else None), strict=True))
+    for name, several in whole.items():
+        own = [(m.tension[m.used], error) for m, error in pieces if any(m is one for one in several)]
+        if own:
+            left += misfit(f"the tension of {name}", *map(np.concatenate, zip(*own, strict=True)))
     return SharedHysteresis(
         title=best.title,
         parameters=problem.intervals(values[best.title], best.free),

@@ -155,6 +155,7 @@ class Stated:
     """A data class whose arguments are declared by `quantities.amount`: checked when it is made, read by `si`."""
 
     def __new__(cls, *_: Any, **named: Any) -> Self:
+        """Refuse what is no argument of it."""
         refuse_unknown(named, [f.name for f in dataclasses.fields(cls)], where=cls.__name__)
         return super().__new__(cls)
 
