@@ -3,14 +3,16 @@
 PHYSICS_TESTS = {
     "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py laws/test_never_pushes.py "
     "literature/test_force_maps.py",
-    "muscles/hysteresis/": "laws/test_left_out.py test_registry.py laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
+    "muscles/hysteresis/": "laws/test_left_out.py test_registry.py laws/test_refusals_of_physics.py "
+    "laws/test_amounts_of_elements.py "
     "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
     "muscles/law.py": "laws/test_refusals_of_physics.py muscles/test_pressure_law.py laws/test_one_potential.py "
     "laws/test_beyond_the_range.py laws/test_inverse.py laws/test_limits.py",
     "muscles/braid.py": "laws/test_limits.py muscles/test_sleeve.py",
     "muscles/bladder.py": "laws/test_limits.py laws/test_inverse.py laws/test_one_potential.py",
     "muscles/biological.py": "laws/test_left_out.py laws/test_biological_muscle.py literature/test_gordon_and_hill.py",
-    "muscles/elements.py": "laws/test_left_out.py laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py laws/test_elements.py "
+    "muscles/elements.py": "laws/test_left_out.py laws/test_refusals_of_physics.py "
+    "laws/test_amounts_of_elements.py laws/test_elements.py "
     "laws/test_creep.py",
     "muscles/threads.py": "laws/test_beyond_the_range.py",
     "muscles/worn_braid.py": "muscles/test_worn_braid.py bench/test_faults.py",
@@ -18,7 +20,8 @@ PHYSICS_TESTS = {
     "muscles/test_rest_length.py",
     "components/flow.py": "laws/test_circuits.py laws/test_catalogue_flows.py",
     "components/gas.py": "laws/test_gas.py laws/test_exergy.py agreement/test_gas_against_coolprop.py",
-    "pneumatics/orifice.py": "laws/test_left_out.py laws/test_catalogue_flows.py agreement/test_orifice_against_others.py "
+    "pneumatics/orifice.py": "laws/test_left_out.py laws/test_catalogue_flows.py "
+    "agreement/test_orifice_against_others.py "
     "laws/test_valves.py",
     "pneumatics/valves.py": "laws/test_valves.py specimens/test_valve_specimens.py",
     "pneumatics/solenoid.py": "laws/test_valves.py specimens/test_valve_specimens.py",
@@ -107,7 +110,8 @@ PHYSICS_TESTS = {
     "analysis/_energy_samples.py": "analysis/test_energy_accounts.py bench/test_energy_of_runs.py",
     "analysis/channels.py": "analysis/test_characteristics.py analysis/test_sampling.py analysis/test_questions.py",
     "analysis/characteristics.py": "analysis/test_characteristics.py literature/test_gordon_and_hill.py test_verbs.py",
-    "analysis/energy_parts.py": "analysis/test_energy_accounts.py analysis/test_power.py bench/test_energy_of_runs.py cli/test_energy_command.py",
+    "analysis/energy_parts.py": "analysis/test_energy_accounts.py analysis/test_power.py "
+    "bench/test_energy_of_runs.py cli/test_energy_command.py",
     "analysis/lever.py": "analysis/test_lever.py",
     "analysis/lever_answers.py": "test_numbers_of_answers.py analysis/test_lever.py",
     "analysis/questions.py": "analysis/test_questions.py",
@@ -141,7 +145,8 @@ SOFTWARE_TESTS = {
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
     "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
-    "bench/hardware/converters.py": "laws/test_left_out.py bench/test_analogue.py bench/test_rig.py bench/test_sample_loop.py",
+    "bench/hardware/converters.py": "laws/test_left_out.py bench/test_analogue.py bench/test_rig.py "
+    "bench/test_sample_loop.py",
     "recordings/recording.py": "analysis/test_segments.py analysis/test_questions.py "
     "recordings/test_tables_of_others.py recordings/test_files_of_laboratories.py recordings/test_recording.py",
     "recordings/calibration.py": "recordings/test_refusals_of_reading.py recordings/test_calibration_file.py "
@@ -159,7 +164,8 @@ SOFTWARE_TESTS = {
     "formats/text.py": "recordings/test_refusals_of_reading.py recordings/test_files_of_laboratories.py "
     "recordings/test_tables_of_others.py recordings/test_bad_records.py recordings/test_files_of_others.py",
     "formats/table.py": "recordings/test_refusals_of_reading.py recordings/test_formats.py "
-    "recordings/test_bad_tables.py recordings/test_files_of_laboratories.py recordings/test_recording.py recordings/test_convert.py",
+    "recordings/test_bad_tables.py recordings/test_files_of_laboratories.py recordings/test_recording.py "
+    "recordings/test_convert.py",
     "formats/store.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py",
     "formats/exchange.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
     "recordings/test_convert.py recordings/test_files_of_others.py",
@@ -168,7 +174,8 @@ SOFTWARE_TESTS = {
     "formats/messages.py": "recordings/test_mcap.py",
     "formats/live_log.py": "recordings/test_live_log.py recordings/test_mcap.py",
     "formats/ddf.py": "recordings/test_files_of_others.py",
-    "formats/sidecar.py": "recordings/test_convert.py recordings/test_formats.py recordings/test_recording.py recordings/test_hostile_files.py",
+    "formats/sidecar.py": "recordings/test_convert.py recordings/test_formats.py recordings/test_recording.py "
+    "recordings/test_hostile_files.py",
     "quantities.py": "test_quantities.py habits/test_values_of_people.py",
     "answers.py": "test_answers.py test_contract_of_verbs.py test_verbs.py",
     "estimation.py": "test_estimation.py identification/test_ranking.py identification/test_bad_input.py",
@@ -201,7 +208,8 @@ SOFTWARE_TESTS = {
     "citations.py": "test_verbs.py cli/test_commands.py",
     "control/": "control/test_numbers_of_controllers.py control/test_scores.py "
     "control/test_controller_steps.py control/test_control_protocol.py",
-    "experiments/commands.py": "experiments/test_protocols.py experiments/test_dry_run.py experiments/test_stimulus_trains.py",
+    "experiments/commands.py": "experiments/test_protocols.py experiments/test_dry_run.py "
+    "experiments/test_stimulus_trains.py",
     "experiments/description.py": "report/test_data_sheet.py test_verbs.py",
     "experiments/read.py": "experiments/test_protocols.py experiments/test_dry_run.py "
     "experiments/test_stimulus_trains.py bench/test_faults.py batch/test_sweep.py",
