@@ -410,8 +410,7 @@ class NewMuscle:
         """
         given = in_si(length, "m", field="length"), in_si(pressure, "Pa", field="pressure")
         lengths, pressures = np.broadcast_arrays(*(np.asarray(values, float) for values in given))
-        found = self.predict(np.ravel(lengths), np.ravel(pressures))
-        mean, half = (np.reshape(part, lengths.shape) for part in found)
+        mean, half = np.reshape(self.predict(np.ravel(lengths), np.ravel(pressures)), (2, *lengths.shape))
         if tension is not None:
             half, mean = np.hypot(half, NORMAL_QUANTILE * (tension - mean)), tension
         return PredictedTension(mean, np.maximum(mean - half, 0.0), mean + half)
