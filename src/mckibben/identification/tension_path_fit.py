@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jax import Array, Tree, jax, jnp
 from .. import estimation
+from .._jax import Array, Tree, jax, jnp
 from ..answers import brief
 from ..errors import InputError
 from ..estimation import NORMAL_QUANTILE, Estimate, Estimation, Parameter, at_bounds, conclude, descend_linear, widening
