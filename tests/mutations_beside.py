@@ -248,10 +248,11 @@ GUARDS_TESTS = {
     "web/live.py": "browser/test_line_of_a_page.py browser/test_workspace.py browser/test_connections.py",
     "specimens/model.py": "specimens/test_bad_specimens.py muscles/test_sleeve.py "
     "specimens/test_published_muscles.py specimens/test_between_muscles.py",
-    "bench/session/session.py": "bench/test_session_rules.py bench/test_session.py bench/test_emergency_stop.py bench/test_session_proxy.py",
+    "bench/session/session.py": "bench/test_session_rules.py bench/test_session.py bench/test_emergency_stop.py "
+    "bench/test_session_proxy.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",
     "errors.py": "test_error_sentences.py test_quantities.py test_schema.py",
-    "bench/session/continued.py": "bench/test_session.py bench/test_session_proxy.py",
+    "bench/session/continued.py": "bench/test_session_rules.py bench/test_session.py bench/test_session_proxy.py",
     "bench/session/interface.py": "bench/test_session_rules.py bench/test_session.py bench/test_emergency_stop.py",
     "bench/session/proxy.py": "bench/test_session_proxy.py",
 }

@@ -8,7 +8,18 @@ import pytest
 
 from mckibben.bench.rig_file import rig
 from mckibben.bench.session import Session
-from mckibben.bench.session.interface import CLOSED, IDLE, LOST, MANUAL, MODES, RUNNING, STOPPED, SampleRing
+from mckibben.bench.session.continued import EXACT, LONG, LOOK, NEAR, SETTLE, SPAN_TOLERANCE, Arrival, ContinuedMachine
+from mckibben.bench.session.interface import (
+    CLOSED,
+    IDLE,
+    LOST,
+    MANUAL,
+    MODES,
+    RUNNING,
+    STOPPED,
+    ManualSetup,
+    SampleRing,
+)
 from mckibben.bench.session.session import VENTED
 from mckibben.bench.software.interlocks import EmergencyStop
 from mckibben.bench.software.sequencer import SPAN, TENSION, VELOCITY
@@ -257,3 +268,123 @@ def test_between_two_samples_is_at_once_where_no_sample_comes(session):
     session.machine = Marked(number=150)
     session._between(numbers.append)
     assert numbers == [150, 150, 151]
+
+
+def machine_at(**latest):
+    """A session whose newest sample is stated, and that keeps what is asked of it."""
+    one = SimpleNamespace(now=dict(latest), asked=[], notes=[], waited=[], why="")
+    one.latest, one.note = lambda: dict(one.now), one.notes.append
+    one.setup = SimpleNamespace(
+        allowed=lambda name: {"pressure": (-1e5, 8e5), "span": (0.1, 0.2)}.get(name, (-2.0, 1.0))
+    )
+
+    def ask_for(**wanted):
+        one.asked.append(wanted)
+        one.now.update({f"command.{name}": value for name, value in wanted.items()}, **wanted)
+
+    one.ask_for, one.wait = ask_for, one.waited.append
+    return one
+
+
+@pytest.mark.parametrize(
+    ("goals", "off", "arrived"),
+    [
+        ({"pressure": 4e5}, {}, True),
+        ({"pressure": 4e5}, {"pressure": 4e5 + 0.9 * NEAR * 8e5}, True),
+        ({"pressure": 4e5}, {"pressure": 4e5 - 1.1 * NEAR * 8e5}, False),
+        ({"pressure": 4e5}, {"command.pressure": 4e5 + 0.9 * EXACT * 8e5}, True),
+        ({"pressure": 4e5}, {"command.pressure": 4e5 - 1.1 * EXACT * 8e5}, False),
+        ({"span": 0.13}, {"span": 0.13 + 0.9 * SPAN_TOLERANCE}, True),
+        ({"span": 0.13}, {"span": 0.13 + 1.1 * SPAN_TOLERANCE}, False),
+        ({"velocity": 0.5}, {"velocity": -7.0}, True),
+        ({"pressure": 4e5, "span": 0.13}, {"span": 0.14}, False),
+    ],
+)
+def test_what_was_asked_for_has_arrived_where_set_points_are_there_exactly_and_channels_nearly(goals, off, arrived):
+    at = goals | {f"command.{name}": value for name, value in goals.items()} | off
+    look = Arrival(machine_at(**at), **goals)
+    assert look.arrived() is arrived and look.apart == [n for n in goals if n in off and not arrived]
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_set_points_that_stand_still_short_of_their_goal_are_stuck_after_a_while(moving):
+    machine = machine_at(pressure=1e5, **{"command.pressure": 1e5})
+    look, looks = Arrival(machine, pressure=4e5), 0
+    while not look.stuck and looks < 3 * LONG / LOOK:
+        looks += 1
+        machine.now["command.pressure"] += 1.0 if moving else 0.0
+        assert not look.arrived()
+    # the first look knows no set-point before it
+    assert look.stuck is not moving and (moving or abs(looks - LONG / LOOK) <= 1.5)
+
+
+def continued(session, *, motor=True):
+    one = object.__new__(ContinuedMachine)
+    one.session, one._zero = session, 0
+    one.prepared = SimpleNamespace(rig=SimpleNamespace(motor=motor or None), protocol=SimpleNamespace(name="p"))
+    read = lambda spans: {"span": spans["span"] * 1e-3 + 0.05}  # noqa: E731
+    session.setup.converters = SimpleNamespace(encoder=True, read=read)
+    return one
+
+
+SEGMENT = SimpleNamespace(start_pressure=3e5, start_span=0.13)
+
+
+@pytest.mark.parametrize("motor", [False, True])
+def test_a_machine_goes_down_along_and_up_to_where_a_protocol_begins(motor):
+    session = machine_at(pressure=5e5, span=0.12, **{"command.pressure": 5e5, "command.span": 0.12})
+    continued(session, motor=motor).bring(SEGMENT)
+    if motor:
+        assert session.asked == [{"pressure": 3e5}, {"pressure": 3e5, "span": 0.13}, {"pressure": 3e5, "span": 0.13}]
+    else:
+        assert session.asked == 3 * [{"pressure": 3e5}]
+    assert session.notes == ["going to where p begins"] and session.waited[-1] == SETTLE
+    low = machine_at(pressure=1e5, span=0.12, **{"command.pressure": 1e5, "command.span": 0.12})
+    continued(low).bring(SEGMENT)
+    assert [one["pressure"] for one in low.asked] == [1e5, 1e5, 3e5], "it is filled last"
+
+
+@pytest.mark.parametrize(
+    ("pressure", "span", "motor", "stays"),
+    [(3e5, 0.13, True, True), (3e5 + 2.0, 0.13, True, False), (3e5, 0.1301, True, False), (3e5, 0.1301, False, True)],
+)
+def test_a_machine_that_is_where_a_protocol_begins_stays_there(pressure, span, motor, stays):
+    at = {"command.pressure": pressure, "command.span": span}
+    session = machine_at(pressure=pressure, span=span, **at)
+    one = continued(session, motor=motor)
+    one.bring(SEGMENT)
+    assert (session.asked == []) is stays
+    assert one._zero == 80  # of counts of 1 mm, the one at 0.05 m is none
+
+
+def test_what_keeps_a_machine_from_where_a_protocol_begins_is_said():
+    session = machine_at(pressure=5e5, span=0.12, **{"command.pressure": 5e5, "command.span": 0.12})
+    session.ask_for = lambda **wanted: session.now.update({f"command.{name}": value for name, value in wanted.items()})
+    with pytest.raises(InputError, match="pressure is 5 bar: the protocol begins at 3 bar, which was not reached"):
+        continued(session).bring(SEGMENT)
+    session.why = "tripped"
+    with pytest.raises(InputError, match="on the way to its beginning: tripped"):
+        continued(session).bring(SEGMENT)
+
+
+def test_by_hand_a_rig_allows_what_its_weakest_part_does():
+    setup = object.__new__(ManualSetup)
+    setup.rig = SimpleNamespace(name="r", motor=object())
+    setup.prepared = SimpleNamespace(plan=SimpleNamespace(rest_length=0.14))
+    setup.manual, setup.watch = SimpleNamespace(speed=0.3), SimpleNamespace(most_tension=80.0)
+    limits = {"pressure": (0.0, 7e5), "burst_pressure": 8e5, "span": (0.1, 0.2), "tension": 100.0, "motor_force": 90.0}
+    setup.limits = SimpleNamespace(**limits)
+    allowed = {name: setup.allowed(name) for name in ("pressure", "span", "velocity", "tension")}
+    assert allowed == {"pressure": (0.0, 7e5), "span": (0.1, 0.2), "velocity": (-0.3, 0.3), "tension": (0.0, 80.0)}
+    for weakest in ("burst_pressure", "motor_force", "tension"):
+        setup.limits = SimpleNamespace(**limits | {weakest: 20.0})
+        assert setup.allowed("pressure" if weakest == "burst_pressure" else "tension") == (0.0, 20.0)
+    setup.limits = SimpleNamespace(**limits)
+    assert setup.amount("span", "1 L0") == pytest.approx(0.14) and setup.amount("pressure", 7e5) == 7e5
+    for name, value in (("pressure", 7.1e5), ("pressure", -1.0), ("span", "21 cm")):
+        with pytest.raises(InputError, match="the rig r allows .* to .* by hand"):
+            setup.amount(name, value)
+    setup.rig.motor = None
+    assert setup.amount("pressure", "2 bar") == pytest.approx(2e5)
+    with pytest.raises(InputError, match="the rig r has no motor"):
+        setup.amount("span", 0.14)
