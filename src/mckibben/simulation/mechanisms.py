@@ -156,7 +156,7 @@ class Stated:
 
     def __new__(cls, *_: Any, **named: Any) -> Self:
         """Refuse what is no argument of it."""
-        refuse_unknown(named, [f.name for f in dataclasses.fields(cls)], where=cls.__name__)
+        refuse_unknown(named, vars(cls)["__dataclass_fields__"], where=cls.__name__)
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
