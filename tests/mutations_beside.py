@@ -50,7 +50,8 @@ PHYSICS_TESTS = {
     "simulation/linear.py": "test_numbers_of_answers.py simulation/test_linear.py",
     "simulation/fit.py": "test_numbers_of_answers.py simulation/test_fit.py",
     "simulation/estimator.py": "simulation/test_estimator.py",
-    "simulation/stepping.py": "simulation/test_slips.py simulation/test_simulation.py simulation/test_operations.py simulation/test_batch.py",
+    "simulation/stepping.py": "simulation/test_slips.py simulation/test_simulation.py simulation/test_operations.py "
+    "simulation/test_batch.py",
     "simulation/simulation.py": "laws/test_refusals_of_physics.py simulation/test_simulation.py "
     "simulation/test_slips.py simulation/test_operations.py",
     "analysis/loops.py": "laws/test_refusals_of_physics.py analysis/test_loops.py analysis/test_loop_residuals.py "
