@@ -498,11 +498,11 @@ def fit_shared_hysteresis(
         if r not in measured
     ]
     left = [f"{name} is left out: the muscle pulls at {n} of its samples only" for name, n in slack.items()]
-    pieces = list(zip(motions, problem.errors(values[best.title] if best.free else None), strict=True))
-    for name, several in whole.items():
-        own = [(m.tension[m.used], error) for m, error in pieces if any(m is one for one in several)]
-        if own:
-            left += misfit(f"the tension of {name}", *map(np.concatenate, zip(*own, strict=True)))
+    errors = dict(zip(map(id, motions), problem.errors(values[best.title] if best.free else None), strict=True))
+    for name in (name for name in whole if name not in slack):
+        own = [m for m in whole[name] if m.used.any()]
+        tension = np.concatenate([m.tension[m.used] for m in own])
+        left += misfit(f"the tension of {name}", tension, np.concatenate([errors[id(m)] for m in own]))
     return SharedHysteresis(
         title=best.title,
         parameters=problem.intervals(values[best.title], best.free),
