@@ -1,5 +1,7 @@
 """Single mutations drawn by a seed, each against the tests beside it: `python tests/mutations.py SEED`.
 
+`python tests/mutations.py FILE` makes those again that were not caught in what an earlier run has said.
+
 A mutation is drawn before anybody looks at it: a room, a function of it, a kind of mutation, and its place. It is made in a
 copy of the sources, so that the working tree stays as it is. Only tests that reach the function run, quick files and quick
 tests first, up to the first that fails; which these are is known where all of a file has run (`REACHED`). A mutation
@@ -150,36 +152,59 @@ def mutations(room: str, file: str, tests: tuple[str, ...]) -> list[dict[str, li
     return functions
 
 
-def draw(seed: int, count: int, rooms: tuple[str, ...] = SHARES) -> list[Mutation]:
-    """Draw mutations, no two in one function; those of a room are the same beside other rooms."""
-    pools = {
+def pools(only: str = "") -> dict[str, list[dict[str, list[Mutation]]]]:
+    """Return for each room the mutations of each function by kind, of one file where one is named."""
+    return {
         room: [
             kinds
             for place, tests in beside.items()
-            for file in (sorted((ROOT / home / place).rglob("*.py")) if place.endswith("/") else [ROOT / home / place])
-            for kinds in mutations(
-                room, file.relative_to(ROOT).as_posix(), tuple(f"{tested}/{test}" for test in tests.split())
-            )
+            for path in (sorted((ROOT / home / place).rglob("*.py")) if place.endswith("/") else [ROOT / home / place])
+            if only in (file := path.relative_to(ROOT).as_posix())
+            for kinds in mutations(room, file, tuple(f"{tested}/{test}" for test in tests.split()))
         ]
         for room, (home, tested, beside) in ROOMS.items()
     }
+
+
+def again(said: Path) -> Iterator[Mutation]:
+    """Yield the mutations that were not caught in what an earlier run has said, where their lines are now."""
+    for row in said.read_text().splitlines():
+        number, *words = row.split("\t")
+        if len(words) != 4 or words[3].startswith(CAUGHT):
+            continue
+        room, (file, line), mutation = words[0], words[1].split(":"), words[2]
+        functions = pools(file)[room]
+        same = [m for kinds in functions for some in kinds.values() for m in some if words_of(m) == mutation]
+        if same:
+            yield min(same, key=lambda one: abs(one.line - int(line)))
+        else:
+            print(f"{number} of {file}:{line} is no more: {mutation}")
+
+
+def draw(seed: int, count: int, rooms: tuple[str, ...] = SHARES) -> list[Mutation]:
+    """Draw mutations, no two in one function; those of a room are the same beside other rooms."""
+    of_rooms = pools()
     chances = {room: random.Random(f"{seed} {room}") for room in ROOMS}
-    for room, pool in pools.items():
+    for room, pool in of_rooms.items():
         chances[room].shuffle(pool)
     drawn = []
     for number in range(count):
         room = rooms[number % len(rooms)]
-        kinds = pools[room].pop()
+        kinds = of_rooms[room].pop()
         drawn.append(chances[room].choice(kinds[chances[room].choice(sorted(kinds))]))
     return drawn
 
 
-def apply(one: Mutation, tree: Path) -> str:
-    """Make the mutation in a copy of the sources and return its line after it."""
+def mutated(one: Mutation) -> bytes:
+    """Return the source of a file with the mutation."""
     source = (ROOT / one.file).read_bytes()
-    changed = source[: one.start] + one.new.encode() + source[one.end :]
-    (tree / one.file).write_bytes(changed)
-    return changed.decode().splitlines()[one.line - 1].strip()
+    return source[: one.start] + one.new.encode() + source[one.end :]
+
+
+def words_of(one: Mutation) -> str:
+    """Return the kind of a mutation, what it replaces, and its line after it."""
+    old = (ROOT / one.file).read_bytes()[one.start : one.end].decode().splitlines()[0]
+    return f"{one.kind}: {old}  ->  {mutated(one).decode().splitlines()[one.line - 1].strip()}"
 
 
 class _Failures:
@@ -328,14 +353,15 @@ def unsound(tests: list[str], tree: Path) -> Iterator[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("seed", type=int)
+    parser.add_argument("seed", metavar="SEED|FILE")
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--leave-out", type=int, nargs="*", default=[], metavar="N")
     parser.add_argument("--only", type=int, nargs="*", metavar="N")
     parser.add_argument("--list", action="store_true", help="say what was drawn, and run nothing")
     parser.add_argument("--room", choices=ROOMS)
     words = parser.parse_args()
-    drawn = draw(words.seed, words.count + len(words.leave_out), (words.room,) if words.room else SHARES)
+    count, rooms = words.count + len(words.leave_out), (words.room,) if words.room else SHARES
+    drawn = draw(int(words.seed), count, rooms) if words.seed.isdigit() else [*again(Path(words.seed))]
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         for path in ROOT.iterdir():
@@ -347,13 +373,10 @@ def main() -> None:
         for number, one in enumerate(drawn, 1):
             if number in words.leave_out or (words.only and number not in words.only):
                 continue
-            before = (ROOT / one.file).read_bytes()
-            after = apply(one, tree)
-            old = before[one.start : one.end].decode().splitlines()[0]
+            (tree / one.file).write_bytes(mutated(one))
             results[number] = "" if words.list else judge(one, tree)
-            (tree / one.file).write_bytes(before)
-            words_of = f"{one.kind}: {old}  ->  {after}"
-            print(number, one.room, f"{one.file}:{one.line}", words_of, results[number], sep="\t", flush=True)
+            shutil.copyfile(ROOT / one.file, tree / one.file)
+            print(number, one.room, f"{one.file}:{one.line}", words_of(one), results[number], sep="\t", flush=True)
         by = {number: result.removeprefix(CAUGHT) for number, result in results.items() if result.startswith(CAUGHT)}
         sound = set(by.values()) - set(unsound(sorted(set(by.values())), tree))
     for test in sorted(set(by.values()) - sound):

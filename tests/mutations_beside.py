@@ -3,14 +3,16 @@
 PHYSICS_TESTS = {
     "muscles/laws/": "laws/test_limits.py laws/test_one_potential.py laws/test_never_pushes.py "
     "literature/test_force_maps.py",
-    "muscles/hysteresis/": "test_registry.py laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py "
+    "muscles/hysteresis/": "laws/test_left_out.py test_registry.py laws/test_refusals_of_physics.py "
+    "laws/test_amounts_of_elements.py "
     "laws/test_friction_is_passive.py laws/test_hysteresis_memory.py",
     "muscles/law.py": "laws/test_refusals_of_physics.py muscles/test_pressure_law.py laws/test_one_potential.py "
     "laws/test_beyond_the_range.py laws/test_inverse.py laws/test_limits.py",
     "muscles/braid.py": "laws/test_limits.py muscles/test_sleeve.py",
     "muscles/bladder.py": "laws/test_limits.py laws/test_inverse.py laws/test_one_potential.py",
-    "muscles/biological.py": "laws/test_biological_muscle.py literature/test_gordon_and_hill.py",
-    "muscles/elements.py": "laws/test_refusals_of_physics.py laws/test_amounts_of_elements.py laws/test_elements.py "
+    "muscles/biological.py": "laws/test_left_out.py laws/test_biological_muscle.py literature/test_gordon_and_hill.py",
+    "muscles/elements.py": "laws/test_left_out.py laws/test_refusals_of_physics.py "
+    "laws/test_amounts_of_elements.py laws/test_elements.py "
     "laws/test_creep.py",
     "muscles/threads.py": "laws/test_beyond_the_range.py",
     "muscles/worn_braid.py": "muscles/test_worn_braid.py bench/test_faults.py",
@@ -18,7 +20,8 @@ PHYSICS_TESTS = {
     "muscles/test_rest_length.py",
     "components/flow.py": "laws/test_circuits.py laws/test_catalogue_flows.py",
     "components/gas.py": "laws/test_gas.py laws/test_exergy.py agreement/test_gas_against_coolprop.py",
-    "pneumatics/orifice.py": "laws/test_catalogue_flows.py agreement/test_orifice_against_others.py "
+    "pneumatics/orifice.py": "laws/test_left_out.py laws/test_catalogue_flows.py "
+    "agreement/test_orifice_against_others.py "
     "laws/test_valves.py",
     "pneumatics/valves.py": "laws/test_valves.py specimens/test_valve_specimens.py",
     "pneumatics/solenoid.py": "laws/test_valves.py specimens/test_valve_specimens.py",
@@ -47,7 +50,8 @@ PHYSICS_TESTS = {
     "simulation/linear.py": "test_numbers_of_answers.py simulation/test_linear.py",
     "simulation/fit.py": "test_numbers_of_answers.py simulation/test_fit.py",
     "simulation/estimator.py": "simulation/test_estimator.py",
-    "simulation/stepping.py": "simulation/test_simulation.py simulation/test_operations.py simulation/test_batch.py",
+    "simulation/stepping.py": "simulation/test_slips.py simulation/test_simulation.py simulation/test_operations.py "
+    "simulation/test_batch.py",
     "simulation/simulation.py": "laws/test_refusals_of_physics.py simulation/test_simulation.py "
     "simulation/test_slips.py simulation/test_operations.py",
     "analysis/loops.py": "laws/test_refusals_of_physics.py analysis/test_loops.py analysis/test_loop_residuals.py "
@@ -91,7 +95,7 @@ PHYSICS_TESTS = {
     "assembly/sentence.py": "assembly/test_circuit_file.py",
     "engine/coupled.py": "engine/test_coupled.py",
     "engine/native.py": "engine/test_lowered_machines.py engine/test_kept_programs.py engine/test_side_by_side.py",
-    "engine/packed.py": "engine/test_packed.py",
+    "engine/packed.py": "engine/test_packed.py simulation/test_mechanisms.py",
     "engine/side_by_side.py": "engine/test_side_by_side.py",
     "engine/signals.py": "engine/test_signals.py simulation/test_batch.py simulation/test_simulation.py "
     "engine/test_side_by_side.py "
@@ -104,10 +108,11 @@ PHYSICS_TESTS = {
     "simulation/readouts.py": "simulation/test_readouts.py",
     "simulation/recorded.py": "simulation/test_simulation.py simulation/test_rollout.py simulation/test_slips.py",
     "simulation/rollout.py": "simulation/test_rollout.py",
-    "analysis/_energy_samples.py": "analysis/test_energy_accounts.py",
+    "analysis/_energy_samples.py": "analysis/test_energy_accounts.py bench/test_energy_of_runs.py",
     "analysis/channels.py": "analysis/test_characteristics.py analysis/test_sampling.py analysis/test_questions.py",
     "analysis/characteristics.py": "analysis/test_characteristics.py literature/test_gordon_and_hill.py test_verbs.py",
-    "analysis/energy_parts.py": "analysis/test_energy_accounts.py analysis/test_power.py",
+    "analysis/energy_parts.py": "analysis/test_energy_accounts.py analysis/test_power.py "
+    "bench/test_energy_of_runs.py cli/test_energy_command.py",
     "analysis/lever.py": "analysis/test_lever.py",
     "analysis/lever_answers.py": "test_numbers_of_answers.py analysis/test_lever.py",
     "analysis/questions.py": "analysis/test_questions.py",
@@ -141,7 +146,8 @@ SOFTWARE_TESTS = {
     "bench/software/loop.py": "bench/test_interlocks.py bench/test_sample_loop.py",
     "bench/recorder.py": "bench/test_recorder.py bench/test_session.py",
     "bench/sensors.py": "bench/test_sensors.py",
-    "bench/hardware/converters.py": "bench/test_analogue.py bench/test_rig.py bench/test_sample_loop.py",
+    "bench/hardware/converters.py": "laws/test_left_out.py bench/test_analogue.py bench/test_rig.py "
+    "bench/test_sample_loop.py",
     "recordings/recording.py": "analysis/test_segments.py analysis/test_questions.py "
     "recordings/test_tables_of_others.py recordings/test_files_of_laboratories.py recordings/test_recording.py",
     "recordings/calibration.py": "recordings/test_refusals_of_reading.py recordings/test_calibration_file.py "
@@ -159,7 +165,8 @@ SOFTWARE_TESTS = {
     "formats/text.py": "recordings/test_refusals_of_reading.py recordings/test_files_of_laboratories.py "
     "recordings/test_tables_of_others.py recordings/test_bad_records.py recordings/test_files_of_others.py",
     "formats/table.py": "recordings/test_refusals_of_reading.py recordings/test_formats.py "
-    "recordings/test_bad_tables.py recordings/test_files_of_laboratories.py recordings/test_recording.py",
+    "recordings/test_bad_tables.py recordings/test_files_of_laboratories.py recordings/test_recording.py "
+    "recordings/test_convert.py",
     "formats/store.py": "recordings/test_formats.py recordings/test_convert.py recordings/test_outside.py",
     "formats/exchange.py": "recordings/test_files_of_laboratories.py recordings/test_tables_of_others.py "
     "recordings/test_convert.py recordings/test_files_of_others.py",
@@ -168,7 +175,8 @@ SOFTWARE_TESTS = {
     "formats/messages.py": "recordings/test_mcap.py",
     "formats/live_log.py": "recordings/test_live_log.py recordings/test_mcap.py",
     "formats/ddf.py": "recordings/test_files_of_others.py",
-    "formats/sidecar.py": "recordings/test_convert.py recordings/test_formats.py recordings/test_recording.py",
+    "formats/sidecar.py": "recordings/test_convert.py recordings/test_formats.py recordings/test_recording.py "
+    "recordings/test_hostile_files.py",
     "quantities.py": "test_quantities.py habits/test_values_of_people.py",
     "answers.py": "test_answers.py test_contract_of_verbs.py test_verbs.py",
     "estimation.py": "test_estimation.py identification/test_ranking.py identification/test_bad_input.py",
@@ -201,10 +209,11 @@ SOFTWARE_TESTS = {
     "citations.py": "test_verbs.py cli/test_commands.py",
     "control/": "control/test_numbers_of_controllers.py control/test_scores.py "
     "control/test_controller_steps.py control/test_control_protocol.py",
-    "experiments/commands.py": "experiments/test_protocols.py experiments/test_dry_run.py",
+    "experiments/commands.py": "experiments/test_protocols.py experiments/test_dry_run.py "
+    "experiments/test_stimulus_trains.py",
     "experiments/description.py": "report/test_data_sheet.py test_verbs.py",
     "experiments/read.py": "experiments/test_protocols.py experiments/test_dry_run.py "
-    "experiments/test_stimulus_trains.py",
+    "experiments/test_stimulus_trains.py bench/test_faults.py batch/test_sweep.py",
     "formats/clock.py": "analysis/test_sampling.py recordings/test_live_log.py recordings/test_mcap.py",
     "formats/crate.py": "recordings/test_crate.py",
     "formats/instruments.py": "recordings/test_files_of_laboratories.py recordings/test_files_of_others.py",
@@ -240,11 +249,12 @@ GUARDS_TESTS = {
     "web/live.py": "browser/test_line_of_a_page.py browser/test_workspace.py browser/test_connections.py",
     "specimens/model.py": "specimens/test_bad_specimens.py muscles/test_sleeve.py "
     "specimens/test_published_muscles.py specimens/test_between_muscles.py",
-    "bench/session/session.py": "bench/test_session.py bench/test_emergency_stop.py bench/test_session_proxy.py",
+    "bench/session/session.py": "bench/test_session_rules.py bench/test_session.py bench/test_emergency_stop.py "
+    "bench/test_session_proxy.py",
     "bench/rig.py": "bench/test_rig.py bench/test_faults.py bench/test_calibrated_run.py",
     "errors.py": "test_error_sentences.py test_quantities.py test_schema.py",
-    "bench/session/continued.py": "bench/test_session.py bench/test_session_proxy.py",
-    "bench/session/interface.py": "bench/test_session.py bench/test_emergency_stop.py",
+    "bench/session/continued.py": "bench/test_session_rules.py bench/test_session.py bench/test_session_proxy.py",
+    "bench/session/interface.py": "bench/test_session_rules.py bench/test_session.py bench/test_emergency_stop.py",
     "bench/session/proxy.py": "bench/test_session_proxy.py",
 }
 HOSTS_TESTS = {

@@ -166,13 +166,13 @@ def test_a_parameter_of_the_law_is_found_without_its_prefix_and_once():
 
 
 def test_the_pressure_of_the_room_has_one_name_in_all_files():
-    """Circuits of earlier versions state it as `pressure`, which means a gauge pressure everywhere else there."""
-    circuit = mk.circuit(CIRCUIT)
-    changed = [circuit.change({f"environment.{name}": "0.9 bar"}) for name in ("pressure_abs", "pressure")]
-    rig = mk.rig("modern", {"environment.pressure_abs": "0.9 bar"})
-    assert {float(one.environment.pressure_abs) for one in changed} == {float(rig.environment.pressure_abs)}
-    with pytest.raises(InputError, match="state one of them"):
-        changed[0].change({"environment.pressure": "0.8 bar"})
+    """`pressure` means a gauge pressure everywhere else in a circuit."""
+    circuit, rig = mk.circuit(CIRCUIT), mk.rig("modern")
+    for change in (lambda name: circuit.change({name: "0.9 bar"}), lambda name: mk.rig("modern", {name: "0.9 bar"})):
+        assert float(change("environment.pressure_abs").environment.pressure_abs) == pytest.approx(9e4, rel=1e-12)
+        with pytest.raises(InputError, match="environment.pressure'. Did you mean 'pressure_abs'"):
+            change("environment.pressure")
+    assert float(circuit.environment.pressure_abs) == float(rig.environment.pressure_abs) == 101325.0
 
 
 @pytest.mark.filterwarnings("ignore::mckibben.errors.PlausibilityWarning")  # the same cautions
@@ -213,3 +213,23 @@ def test_a_table_in_which_the_muscle_pushes_is_read_and_says_so(tmp_path, force,
     path = tmp_path / "map.csv"
     path.write_text(f"length [mm],pressure [bar],force [N]\n110,3,{force}\n120,3,20\n130,3,30\n")
     assert any("1 of 3 rows push, with 20 N at most" in one for one in mk.read(path).remarks) is said
+
+
+@pytest.mark.parametrize(
+    ("call", "meant"),
+    [
+        (lambda **more: mk.Air(**more), "supply"),
+        (lambda **more: mk.Plate("nylon", **more), "span"),
+        (lambda **more: mk.Joint("nylon", "nylon", arm="2 cm", inertia=2e-3, **more), "stops"),
+        (lambda **more: mk.muscle("nylon").replace(**more), "law"),
+        (lambda **more: mk.muscle("nylon", **more), "rest_length"),
+        (lambda **more: mk.fit_all(mk.specimen("DMSP-20-300").force_map(), **more), "schemes"),
+        (lambda **more: mk.protocol("isobaric-map", **more), "pressure"),
+        (lambda **more: mk.prepare("isobaric-map", muscle="nylon", **more), "pressure"),
+        (lambda **more: mk.Simulation(mk.Plate("nylon"), mk.Air()).step(**more), "span"),
+    ],
+)
+def test_an_unknown_argument_is_refused_by_a_sentence_that_names_the_one_that_was_meant(call, meant):
+    with pytest.raises(InputError, match=f"Unknown .*{meant}x'. Did you mean '{meant}'") as refused:
+        call(**{f"{meant}x": 1.0})
+    assert meant in refused.value.known

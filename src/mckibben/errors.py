@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 
 LONGEST = 300  # characters of a text that is shown
@@ -190,6 +190,13 @@ def each_once(field: str, values: Iterable[T], *, where: str | None = None) -> l
             raise InputError(field, name, "must be stated once; it is there twice", where=where)
         known.add(key)
     return listed
+
+
+def refuse_unknown(names: Iterable[str], known: Collection[str], said: str = "", *, where: str | None = None) -> None:
+    """Raise an `InputError` at the first of the names of arguments that is not known; `said` begins the list of those."""
+    for name in names:
+        if name not in known:
+            raise InputError(name, None, said, known=known, where=where)
 
 
 def not_found(path: object, kind: str = "file", *, where: str | None = None) -> InputError:

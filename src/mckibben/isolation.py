@@ -230,9 +230,7 @@ class _Reader:
         """End the process; a child of `fork` only forgets that of its parent."""
         if self.owner == os.getpid():
             self.process.kill()
-            self.process.wait()
-        else:
-            self.process.returncode = 0
+        self.process.wait()  # at once where it is no child of this process
         for stream in (self.process.stdin, self.process.stdout, self.complaints):
             with contextlib.suppress(OSError):
                 stream.close()  # type: ignore[union-attr]

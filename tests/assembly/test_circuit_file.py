@@ -1,5 +1,6 @@
 """From a file to a run: what is read is what runs, bad files are refused by dotted path, and nothing is lost on the way."""
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from mckibben.assembly.sentence import run_sentence, sentence
 from mckibben.bench import circuit_run
 from mckibben.bench.circuit_run import run_circuit
 from mckibben.errors import InputError, PlausibilityWarning
+from mckibben.experiments.waveforms import Sine
 from mckibben.pneumatics.build import ELEMENTS, known_keys
 from mckibben.schema import Place, read_table
 
@@ -55,7 +57,7 @@ duration = "0.15 s"
 MUSCLE = """
 schema = 1
 [environment]
-pressure = "1.0336 bar"
+pressure_abs = "1.0336 bar"
 temperature = "300 K"
 [nodes.source]
 kind = "reservoir"
@@ -125,6 +127,11 @@ def test_a_length_is_straight_between_samples_even_where_it_steps(read):
     sine = 'kind = "sine"\nmean = "14 cm"\namplitude = "3 mm"\nfrequency = "5 Hz"'
     plan = read(MUSCLE, (sine, 'kind = "steps"\ntimes = ["0 s", "0.1 s"]\nvalues = ["14 cm", "14.2 cm"]'))
     assert plan.inputs()["muscle.length"].straight
+    (signal,) = (one for one in plan.signals.values() if one.unit == "m")
+    assert [dataclasses.replace(signal, unit=unit).straight for unit in ("m", "Pa", "1")] == [True, False, False]
+    smooth = next(iter(read(MUSCLE).signals.values()))
+    smooth = dataclasses.replace(smooth, waveform=Sine(mean=2e5, amplitude=1e4, frequency=5.0))
+    assert [dataclasses.replace(smooth, unit=unit).straight for unit in ("m", "Pa", "1")] == [True, True, True]
 
 
 def test_the_sentence_is_one_line_and_the_same_again(read):

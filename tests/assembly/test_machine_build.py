@@ -19,6 +19,7 @@ from mckibben.assembly.build import (
 )
 from mckibben.assembly.loads import Body, MomentArm, PlateLoad
 from mckibben.assembly.machine import Machine
+from mckibben.assembly.output_names import OUTPUTS, output_meaning
 from mckibben.components import paths
 from mckibben.engine.signals import Value
 from mckibben.errors import InputError
@@ -196,3 +197,9 @@ def test_a_machine_at_a_moment_has_the_energies_and_powers_of_its_parts():
         now = inputs | ({name: Value(jnp.ones(()), jnp.zeros(()))} if name else {})
         flow = sum(float(v) for v in machine.rate(still, memory, now)["circuit"]["mass"].values())
         assert np.sign(flow) == sign
+
+
+def test_an_output_means_what_its_last_name_says_of_its_owner():
+    for last, (unit, meaning) in OUTPUTS.items():
+        assert output_meaning(f"left.arm.{last}") == (unit, f"{meaning}, left.arm")
+    assert output_meaning("pump.oil_level") == ("1", "oil level, pump")

@@ -243,3 +243,24 @@ def test_a_fault_changes_its_part_and_one_without_that_part_is_refused():
     for name in ("valve_blockage", "valve_sticking"):
         with pytest.raises(InputError, match=f"faults.{name} is known of pressure regulators only"):
             RigFaults(**{name: 0.1}).valve(SimpleNamespace(valve=object()))
+
+
+def test_a_rig_has_resolves_and_allows_what_its_parts_do():
+    whole = rig("modern")
+    layout = next(iter(whole.plumbing))
+    still, blind = dataclasses.replace(whole, motor=None), dataclasses.replace(whole, encoder=None)
+    assert whole.parts(layout) >= {"plate", "person", *(f"{name} sensor" for name in whole.sensors)}
+    assert whole.parts(layout) - still.parts(layout) == {"motor"}
+    assert whole.parts(layout) - blind.parts(layout) == {"span sensor"}
+    assert blind.resolution() == {name: float(one.resolution) for name, one in whole.sensors.items()}
+    assert whole.resolution() == blind.resolution() | {"span": float(whole.encoder.resolution)}
+    moving, held = whole.limits(layout), still.limits(layout)
+    assert (moving.motor_force, moving.speed) == (float(whole.motor.largest_force), float(whole.motor.largest_speed))
+    assert moving.acceleration == moving.motor_force / float(whole.motor.mass)
+    assert (held.motor_force, held.speed, held.acceleration) == (float("inf"), 0.0, float("inf"))
+    assert moving.tension == float(whole.sensors["tension"].high) and moving.span == (whole.shortest, whole.longest)
+    assert moving.pressure[1] == min(float(whole.valve_out.top), float(whole.plumbing[layout].supply_pressure))
+    loose = dataclasses.replace(whole, sensors={"pressure": whole.sensors["pressure"]})
+    assert loose.limits(layout).tension == float("inf")
+    assert [whole.operator_action(hand.ask) for hand in whole.hands] == list(whole.hands) != []
+    assert whole.operator_action("sing") is None

@@ -182,3 +182,10 @@ def test_a_server_asks_for_descriptors_and_refuses_to_begin_with_too_few(monkeyp
     else:
         assert guard.reserve_descriptors() == most
     assert asked == ([] if set_to is None else [(set_to, hard)])
+
+
+def test_only_addresses_of_this_machine_are_of_this_machine():
+    assert all(map(guard.is_loopback, ("127.0.0.1", "127.9.8.7", "::1", "localhost")))
+    assert not any(
+        map(guard.is_loopback, ("0.0.0.0", "::", "10.0.0.1", "192.168.1.2", "example.org", "", "localhost.org"))
+    )

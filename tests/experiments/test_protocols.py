@@ -6,6 +6,7 @@ import math
 import re
 import subprocess
 import sys
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from mckibben.errors import InputError
 from mckibben.experiments.amounts import read_amount, read_until
 from mckibben.experiments.commands import Deferred, DirectionDependent
+from mckibben.experiments.protocol import clauses, expand
 from mckibben.experiments.read import (
     build_protocol,
     parse_protocol,
@@ -572,3 +574,23 @@ def test_a_comma_between_digits_is_refused(words):
     with pytest.raises(InputError, match="comma between two digits"):
         values_of("pressure", words, field="pressure")
     assert values_of("title", words, field="title") == words  # a comma is a comma there
+
+
+@pytest.mark.parametrize("name", sorted(CLASSICS))
+def test_a_plan_says_how_long_it_takes_and_its_clauses_where_they_stand(name):
+    whole = protocol(name)
+    plan = expand(whole, rest_length=L0)
+    counts = [step.count for step in plan.steps]
+    assert [step.start for step in plan.steps] == [sum(counts[:i]) for i in range(len(counts))]
+    assert plan.samples == sum(counts) and plan.duration == plan.samples / plan.sample_rate
+    for step in plan.steps:
+        entry = step.entry(1.0, 2.0)
+        assert (entry["index"], entry["path"], entry["label"]) == (step.index, step.path, step.step.label)
+        assert (entry["start"], entry["end"], entry["recorded"]) == (1.0, 2.0, step.record)
+        assert set(entry["case"]) == set(step.case) and all(isinstance(word, str) for word in entry["case"].values())
+    text = (resources.files("mckibben.experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
+    assert plan.may_end_early is bool(re.search(r"\buntil = ", text))
+    order = ["first", "steps", "last"]
+    places = [(order.index(path.split(".")[0]), int(path.split(".")[1])) for path, words in clauses(whole) if words]
+    assert places == sorted(set(places)) and len(places) == len(clauses(whole))
+    assert all(1 <= at <= len(getattr(whole, order[section])) for section, at in places)

@@ -9,8 +9,10 @@ import pytest
 import mckibben as mk
 from mckibben.errors import InputError
 from mckibben.estimation import Estimate
+from mckibben.identification import shared_hysteresis
 from mckibben.identification.fit import Fit, fitted_specimen
 from mckibben.identification.shared_hysteresis import (
+    LOW,
     NOTHING,
     HysteresisModel,
     SharedHysteresis,
@@ -115,6 +117,18 @@ def test_friction_and_creep_that_went_in_come_out_within_their_intervals(rubbed)
     assert rubbed.rmse == pytest.approx(NOISE, rel=0.06) and rubbed.law_rmse > 5.0 * NOISE
     assert rubbed.held_back[0] < 0.3 * rubbed.held_back[1]
     assert rubbed.muscles == RESTS and len(rubbed.recordings) == 4
+
+
+def test_a_recording_that_no_friction_describes_is_named(monkeypatch):
+    """A wave of 60 N in one of four; where no form is fitted the law alone is left, and noise says nothing."""
+    monkeypatch.setattr(shared_hysteresis, "_fits", lambda *_: dict.fromkeys(shared_hysteresis._forms(), np.array(LOW)))
+    records = recordings()
+    wavy = list(records)[1]
+    force = records[wavy].channels["force"]
+    wave = Channel(force.values + 60.0 * np.sin(40.0 * np.pi * TIME / TIME[-1]), "N")
+    records[wavy] = Recording(TIME, {**records[wavy].channels, "force": wave})
+    (said,) = fit_shared_hysteresis(FIT, records).warnings
+    assert f"does not describe the record: it misses the tension of {wavy} by" in said
 
 
 @pytest.mark.slow

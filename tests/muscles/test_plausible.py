@@ -88,6 +88,10 @@ def test_no_gauge_pressure_is_below_vacuum_and_no_span_outside_what_a_braid_can_
         with pytest.raises(InputError, match="span must be from 1 mm to"):
             of_span(span)
     assert of_span(least) is not None and of_span(most) is not None
+    longest = plausible.span_limits(NYLON.law)[2]
+    assert of_span((1.0 + 0.5 * plausible.ROUNDING) * longest) is None, "a length that was computed"
+    assert of_span((1.0 + 3.0 * plausible.ROUNDING) * longest) is not None
+    assert of_span(0.501 * longest) is None and "leaves the muscle slack" in str(of_span(0.499 * longest))
 
 
 @pytest.mark.parametrize("unit", USUAL_SIZES)

@@ -13,11 +13,12 @@ from importlib import resources
 import pytest
 
 import mckibben as mk
-from mckibben.muscles.plausible import span_cautions
+from mckibben.muscles.plausible import SLIP, span_cautions
 from mckibben.quantities import amounts
 from mckibben.simulation import air as air_module
 from mckibben.simulation.mechanisms import Stated
 from mckibben.simulation.recorded import described
+from mckibben.simulation.stepping import SaidCommands
 from mckibben.slips import USUAL_SIZES
 
 MECHANISMS = {
@@ -437,3 +438,20 @@ def test_a_set_point_above_the_supply_is_said_also_where_the_supply_is_changed()
     whole = mk.Simulation(mk.Plate("DMSP-20-300"), mk.Air(supply="4 bar", valve="regulator"))
     with pytest.warns(mk.errors.PlausibilityWarning, match=above):
         whole.batch(2).step(muscle=[3e5, 5e5])
+
+
+@pytest.mark.parametrize(
+    ("before", "value", "new"),
+    [
+        (9e5, 0.9 * SLIP * 9e5, False), (9e5, 1.1 * SLIP * 9e5, True),  # above what is usual, 8 bar
+        (-2e4, -0.9 * SLIP * 2e4, False), (-2e4, -1.1 * SLIP * 2e4, True),  # below none
+        (30.0, 1.1 * 30.0 / SLIP, False), (30.0, 0.9 * 30.0 / SLIP, True),  # too small: the smaller is farther out
+    ],
+)  # fmt: skip
+def test_what_was_said_of_a_command_is_said_again_of_one_that_is_much_farther_out_on_its_side(before, value, new):
+    said, high = SaidCommands(), 8e5
+    assert said.farther("p", before, high)
+    said.keep("p", before, high)
+    assert said.farther("p", value, high) is new and said.farther("q", before, high)
+    others = {9e5, -2e4, 30.0} - {before}
+    assert all(said.farther("p", other, high) for other in others), "each side has its own"

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, NamedTuple
 from ..components import Environment, MemoryElement, paths
 from ..components.flow import FlowElement
 from ..documents import JsonValue
-from ..errors import InputError, each_once
+from ..errors import InputError, each_once, refuse_unknown
 from ..muscles import Muscle
 from ..muscles.build import at_rest_length
 from ..muscles.dimensions import REST_LENGTH
@@ -196,8 +196,7 @@ def unit_from_muscle(
         if name in ("end_mass", "slack_damping") and name not in usual:
             one = "a muscle without tendon has none" if tendon is None else "a muscle with a tendon has none"
             raise InputError(name, None, f"must be left out: {one}", where=where)
-        if name not in usual:
-            raise InputError(name, None, known=usual, where=where)
+    refuse_unknown(mechanics, usual, where=where)
     return MuscleUnit(
         law=muscle.law,
         tendon=tendon,
@@ -401,9 +400,7 @@ def several(
 
 
 def _line(options: Mapping[str, Any]) -> AirLine:
-    for name in options:
-        if name not in AirLine._fields:
-            raise InputError(name, None, "a line has", known=AirLine._fields, where="line")
+    refuse_unknown(options, AirLine._fields, "a line has", where="line")
     return AirLine(**options)
 
 

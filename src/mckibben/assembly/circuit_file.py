@@ -73,24 +73,6 @@ FEWEST = 5  # periods of a run; with fewer the period is a slip of its unit
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnvironmentTable:
-    """The surroundings as a circuit file states them; `pressure` is what earlier versions called `pressure_abs`."""
-
-    pressure_abs: float | None = schema.like(Environment, "pressure_abs", default=None)
-    pressure: float | None = schema.like(Environment, "pressure_abs", default=None)
-    temperature: float | None = schema.like(Environment, "temperature", default=None)
-
-    def __post_init__(self) -> None:
-        if None not in (self.pressure, self.pressure_abs):
-            raise InputError("environment.pressure", None, "is what pressure_abs is; state one of them")
-
-    def surroundings(self) -> Environment:
-        """The surroundings, as usual where nothing is stated."""
-        stated = {name: value for name, value in vars(self).items() if value is not None}
-        return Environment(**{{"pressure": "pressure_abs"}.get(name, name): value for name, value in stated.items()})
-
-
-@dataclass(frozen=True, kw_only=True)
 class CircuitRunTable:
     """How long a circuit runs, and in which steps."""
 
@@ -107,7 +89,7 @@ class CircuitFile:
     schema: int = SCHEMA
     title: str = ""
     note: str = ""
-    environment: EnvironmentTable = nested(EnvironmentTable, owner="an environment has", default=EnvironmentTable())
+    environment: Environment = nested(Environment, owner="an environment has", default_factory=Environment)
     nodes: dict[str, NodeTable] = named(NODES, default_factory=dict)
     elements: dict[str, ElementTable] = named(ElementTable, default_factory=dict)
     signals: dict[str, Any] = named(None, default_factory=dict)
@@ -449,7 +431,7 @@ def build_plan(document: Mapping[str, JsonValue], *, where: str, digest: str) ->
     top = FileTable(document, "", where)
     top.schema(SCHEMA)
     file = read_table(CircuitFile, top, owner="a circuit has")
-    room = file.environment.surroundings()
+    room = file.environment
     at = {section: Place(section, where or None) for section in ("nodes", "elements")}
     nodes = {name: table.planned(name, at["nodes"].below(name), room) for name, table in file.nodes.items()}
     branches = {name: table.planned(at["elements"].below(name), list(nodes)) for name, table in file.elements.items()}

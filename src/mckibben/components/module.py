@@ -23,6 +23,7 @@ import numpy as np
 
 from .._jax import Scalar as Scalar
 from .._jax import Tree, is_jax_array, is_loaded, is_traced, jax, jit, jnp, when_loaded
+from ..errors import refuse_unknown
 from ..quantities import check_fields
 
 Result = TypeVar("Result")
@@ -119,6 +120,7 @@ class Module(metaclass=abc.ABCMeta):  # noqa: B024 - its kinds may have abstract
 
     def replace(self, **changes: object) -> Self:
         """Return a copy with some fields changed, checked like a new one."""
+        refuse_unknown(changes, type(self).__dataclass_fields__, where=type(self).__name__)
         return dataclasses.replace(self, **changes)
 
     def with_fields(self, **values: object) -> Self:

@@ -409,8 +409,8 @@ class NewMuscle:
             tension: of a law that stands for the mean, whose distance from it the interval holds; the mean by default.
         """
         given = in_si(length, "m", field="length"), in_si(pressure, "Pa", field="pressure")
-        at = np.broadcast_arrays(*(np.asarray(values, float) for values in given))
-        mean, half = (np.reshape(part, at[0].shape) for part in self.predict(np.ravel(at[0]), np.ravel(at[1])))
+        lengths, pressures = np.broadcast_arrays(*(np.asarray(values, float) for values in given))
+        mean, half = np.reshape(self.predict(np.ravel(lengths), np.ravel(pressures)), (2, *lengths.shape))
         if tension is not None:
             half, mean = np.hypot(half, NORMAL_QUANTILE * (tension - mean)), tension
         return PredictedTension(mean, np.maximum(mean - half, 0.0), mean + half)

@@ -22,7 +22,7 @@ from .._jax import Scalar
 from ..accessors import Accessor
 from ..answers import Caution, collect, warn
 from ..documents import JsonValue
-from ..errors import ConvergenceError, InputError, each_once
+from ..errors import ConvergenceError, InputError, each_once, refuse_unknown
 from ..muscles.build import build_law, cut_parameters, default_parameters
 from ..muscles.evidence import is_other_bore
 from ..muscles.law import TensionLaw
@@ -619,6 +619,7 @@ def fit_all(
         >>> [found.law for found in mk.fit_all(points, laws=["ideal", "sarosi"], schemes=())]
         ['sarosi', 'ideal']
     """
+    refuse_unknown(options, fit.__kwdefaults__ or ())
     further = [law_key(law) for law in beside]
     names = [*(name for name in LAWS if name not in further), *further]
     fits = []

@@ -36,7 +36,7 @@ from .._jax import Array, Scalar, jax, jnp
 from ..answers import Column, Table, brief, estimates
 from ..documents import JsonValue
 from ..errors import InputError
-from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, uncertainty, widening
+from ..estimation import INDIFFERENT, Estimate, Estimation, Parameter, akaike, misfit, uncertainty, widening
 from ..formats.labels import quantity_of
 from ..muscles.elements import MaxwellChain
 from ..muscles.hysteresis import BoucWen, FrictionLimit
@@ -498,6 +498,11 @@ def fit_shared_hysteresis(
         if r not in measured
     ]
     left = [f"{name} is left out: the muscle pulls at {n} of its samples only" for name, n in slack.items()]
+    errors = dict(zip(map(id, motions), problem.errors(values[best.title] if best.free else None), strict=True))
+    for name in (name for name in whole if name not in slack):
+        own = [m for m in whole[name] if m.used.any()]
+        tension = np.concatenate([m.tension[m.used] for m in own])
+        left += misfit(f"the tension of {name}", tension, np.concatenate([errors[id(m)] for m in own]))
     return SharedHysteresis(
         title=best.title,
         parameters=problem.intervals(values[best.title], best.free),

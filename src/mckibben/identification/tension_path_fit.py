@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import estimation
 from .._jax import Array, Tree, jax, jnp
 from ..answers import brief
 from ..errors import InputError
@@ -283,7 +284,7 @@ def fit_branches(
     known = np.zeros(len(path.time)) if relaxation is None else relaxation_force(path, relaxation)
     wanted = difference - (known[rising] - known[falling])
 
-    def misfit(x: np.ndarray) -> np.ndarray:
+    def error_of(x: np.ndarray) -> np.ndarray:
         force = np.asarray(_compiled().friction(x, *steps))
         return np.asarray(force[rising] - force[falling] - wanted)
 
@@ -295,13 +296,15 @@ def fit_branches(
     half = 0.25 * max(float(np.median(wanted)), 0.1)
     limits = half, half / max(float(path.pressure.max()), 1.0)
     travels = ((a, max(b / a, 1.0)) for a in SHORTEST for b in LONGEST)
-    estimation = Estimation(FRICTION, misfit, slopes, options={"max_nfev": 60})
+    search = Estimation(FRICTION, error_of, slopes, options={"max_nfev": 60})
     starts = (zip(FRICTION.values(), (*limits, *travel), strict=True) for travel in travels)
-    best = estimation.search(np.array([p.scaled(value) for p, value in start]) for start in starts)
-    error = misfit(best.x)
+    best = search.search(np.array([p.scaled(value) for p, value in start]) for start in starts)
+    error = error_of(best.x)
     by_all = np.asarray(_compiled().friction_slopes(best.x, *steps))
     found = conclude(FRICTION, best, by_all[rising] - by_all[falling], error, series=[error], within=True)
     bound = [f"{n} lies on its bound" for n in at_bounds(FRICTION, best.x, share=1e-4)]
+    # a braid without friction has none of it, from where it is counted
+    bound += estimation.misfit("the difference of both branches", np.append(wanted, 0.0), error)
     size, axes = np.linalg.eigh(found.correlation)
     deviations = np.where(np.isfinite(found.half), found.half / NORMAL_QUANTILE, 0.0)
     middle = 0.5 * (by_all[rising] + by_all[falling]) * deviations @ (axes * np.sqrt(np.maximum(size, 0.0)))

@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..assembly.loads import Body, ChainLink, JointLoad, LinkChain, Load, Moment
 from ..assembly.loads.joint import STOP_STIFFNESS
 from ..assembly.muscle_unit import MuscleUnit
 from ..components import Module
-from ..errors import InputError, UnreachableError
+from ..errors import InputError, UnreachableError, refuse_unknown
 from ..muscles import Muscle
 from ..muscles.elements import Tendon
 from ..muscles.evidence import law_cautions
@@ -153,6 +153,13 @@ def carrying_pressure(unit: MuscleUnit, tension: float, span: float) -> float:
 
 class Stated:
     """A data class whose arguments are declared by `quantities.amount`: checked when it is made, read by `si`."""
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    def __new__(cls, *_: Any, **named: Any) -> Self:
+        """Refuse what is no argument of it."""
+        refuse_unknown(named, cls.__dataclass_fields__, where=cls.__name__)
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         for name in amounts(self):

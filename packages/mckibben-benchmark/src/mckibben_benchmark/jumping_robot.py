@@ -232,6 +232,7 @@ class RobotFit(Answer):
             for fold in self.folds
             if not fold.fit.converged
         ]
+        lost += [f"note: without {fold.trial}, {said}" for fold in self.folds for said in fold.fit.warnings]
         columns = (Column("trial", "predicted from the others"), *numbers)
         return [Table(f"{self.title}: rms errors", columns, rows, tuple(lost))]
 
