@@ -293,7 +293,8 @@ def loops(
 ) -> RecordingNumbers[TensionLoop]:
     """Measure each loop of tension over length: work, friction, width, height and stiffness.
 
-    Loops in which pressure, speed or stroke differ are told apart. Work is positive where the muscle delivers it.
+    Loops in which pressure, speed or stroke differ are told apart. Work is positive where the muscle delivers it; a height
+    is the tension while lengthening less that while shortening, and the friction half of it.
 
     Args:
         recording: recording of mckibben, or a file of another program of any format.
@@ -318,6 +319,11 @@ def loops(
     """
     question = _question(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
     rows, items, cautions, _ = _loops_of(question, skip)
+    if any(one.height < 0.0 for one in items):
+        active = (
+            "the tension while lengthening lies below that while shortening; half of it is no friction, but what drives"
+        )
+        cautions = (*cautions, Caution(f"{active} the muscle", "height"))
     units = {"work": "J", "friction": "N", "height": "N", "width": "m", "stiffness": "N/m"}
     numbers = [Column(name, None, unit, missing="-") for name, unit in units.items()]
     columns = (*_AT, _PRESSURE, *numbers)

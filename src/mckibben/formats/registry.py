@@ -27,8 +27,8 @@ BUILT_IN = {
     "lvm": "store:TEXT", "sto": "store:TEXT", "mot": "store:TEXT", "tra": "store:TEXT", "asc": "store:TEXT",
     "xlsx": "exchange:SPREADSHEETS", "xls": "exchange:SPREADSHEETS", "ods": "exchange:SPREADSHEETS",
     "h5": "store:HDF5", "hdf5": "store:HDF5", "hdf": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS",
-    "ddf": "ddf:FORMAT",
-    "zip": "crate:FORMAT",
+    "ddf": "ddf:FORMAT", "edf": "exchange:EDF", "bdf": "exchange:EDF", "c3d": "exchange:C3D", "mf4": "exchange:MDF",
+    "mdf": "exchange:MDF", "zip": "crate:FORMAT",
 }  # fmt: skip
 
 
