@@ -323,7 +323,8 @@ def edf(path):
     edfio = pytest.importorskip("edfio")
     channels = (("pressure", "bar", FILLING, (-4096, 4095.875)), ("force", "N", PULL, (-8192, 8191.75)))
     edfio.Edf(
-        [edfio.EdfSignal(v, 250, label=n, physical_dimension=u, physical_range=r) for n, u, v, r in channels],
+        annotations=[edfio.EdfAnnotation(0.012, None, "valve opens")],
+        signals=[edfio.EdfSignal(v, 250, label=n, physical_dimension=u, physical_range=r) for n, u, v, r in channels],
         patient=edfio.Patient(name="Somebody"),
         data_record_duration=0.032,
     ).write(path)
@@ -483,6 +484,7 @@ def test_a_run_is_the_same_whatever_program_wrote_it(tmp_path, name):
     )
     np.testing.assert_allclose(record["force"], PULL, rtol=1e-15)
     assert record.unit("force") == "N"
+    assert record.meta.get("events", []) == ([{"time": 0.012, "text": "valve opens"}] if name == "run.edf" else [])
     assert "Somebody" not in json.dumps(record.meta)  # whom a file was recorded of is nobody else's business
 
 
@@ -603,7 +605,8 @@ BROKEN = {
     "names.csv": (
         GOOD.replace("length_mm", "travel").replace("pressure_bar", "air").encode(),
         "the columns are travel, air, force_N; "
-        "a recording needs a time, or the period of its samples, a force map length, pressure and force; name the columns, with columns={'time': ..}",
+        "a recording needs a time, or the period of its samples, a force map length, pressure and force; name the "
+        "columns, with columns={'time': ..}",
     ),
     "numbers.csv": (
         GOOD.partition("\n")[2].encode(),

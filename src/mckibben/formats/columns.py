@@ -290,6 +290,7 @@ def assemble(
         for n, c in sources.items()
     }
     source = {"file": path.name, "columns": about, **({"start": start} if start else {}), **table.notes}
+    noted = source.pop("events", [])  # annotations of the file, which are times of the record
     if pressure_zero:
         source["pressure_zero"] = pressure_zero
     if blank or unknown:
@@ -297,8 +298,8 @@ def assemble(
     if changed:
         source["changed"] = changed
     more: dict[str, Any] = {"runs": runs} if runs else {}
-    if events:
-        more["events"] = [{"time": one["time"], "text": one["text"]} for one in events]
+    if events or noted:
+        more["events"] = [*noted, *({"time": one["time"], "text": one["text"]} for one in events)]
     try:
         return StoredRecording(time, channels, {"title": path.name, "source": source, **more}, remarks)
     except InputError as error:

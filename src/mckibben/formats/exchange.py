@@ -602,21 +602,15 @@ def read_c3d(path: Path) -> ForeignTable:
         file = ezc3d.c3d(where)
         data, stated = file["data"], file["parameters"]
         columns = []
-        for group, samples in (
-            ("POINT", data["points"][:3].swapaxes(0, 1)),
-            ("ANALOG", data["analogs"].swapaxes(0, 1)),
-        ):
+        for group, samples in (("POINT", data["points"][:3]), ("ANALOG", data["analogs"])):
             said = {name: list(one["value"]) for name, one in stated.get(group, {}).items() if name[:2] != "__"}
             labels = [label for name in ("LABELS", "LABELS2", "LABELS3") for label in said.get(name, [])]
-            rate = float((said.get("RATE") or [0.0])[0])
-            for at, values in enumerate(samples):
+            units, rate = said.get("UNITS", []), float((said.get("RATE") or [0.0])[0])
+            for at in range(samples.shape[1]):
                 label = labels[at] if at < len(labels) and labels[at] else f"{group.lower()} {at + 1}"
-                unit = (said.get("UNITS") or [None])[at if group == "ANALOG" and at < len(said["UNITS"]) else 0]
-                axes = ["x", "y", "z"] if group == "POINT" else [""]
-                columns += [
-                    _sampled(f"{label}.{axis}".rstrip("."), along, unit, rate)
-                    for axis, along in zip(axes, values, strict=True)
-                ]
+                unit = units[at] if at < len(units) else units[0] if units and group == "POINT" else None
+                for axis, along in zip(".x .y .z".split() if group == "POINT" else [""], samples[:, at], strict=True):
+                    columns.append(_sampled(f"{label}{axis}", along, unit, rate))
     return ForeignTable(columns)
 
 
@@ -633,20 +627,16 @@ def read_mdf(path: Path) -> ForeignTable:
     asammdf = library("asammdf", "MDF files need", instead="export it as CSV or MATLAB from its program", where=where)
     columns, words = [], []
     with unreadable("an MDF file", where), _library_log("asammdf") as logged, asammdf.MDF(path) as file:
-        for at, group in enumerate(file.groups):
+        for signal in file.iter_channels(skip_master=True, copy_master=False):
+            at, values = signal.group_index, signal.samples
             # a group without a name is told from others by its number
-            name = f"{group.channel_group.acq_name or f'group {at + 1}'}." if len(file.groups) > 1 else ""
-            for index in range(len(group.channels)):
-                if index == file.masters_db.get(at):
-                    continue
-                signal = file.get(group=at, index=index)
-                if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub":
-                    words.append(signal.name)
-                elif len(signal.samples):
-                    clock, time = f"{len(signal.samples)} samples of {name or 'one group'}", signal.timestamps
-                    columns.append(
-                        ForeignColumn(f"{name}{signal.name}", signal.samples, signal.unit or None, clock, time)
-                    )
+            group = file.groups[at].channel_group.acq_name or f"group {at + 1}"
+            label = f"{group}.{signal.name}" if len(file.groups) > 1 else signal.name
+            if values.ndim != 1 or values.dtype.kind not in "fiub":
+                words.append(label)
+            elif len(values):
+                clock = f"{len(values)} samples of {group}"
+                columns.append(ForeignColumn(label, values, signal.unit or None, clock, signal.timestamps))
     remarks = said_of(words, "left out: a sample is not one number")
     return ForeignTable(columns, {}, [*remarks, *dict.fromkeys(logged)])
 
