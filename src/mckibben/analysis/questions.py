@@ -242,7 +242,8 @@ def _loops_of(question: _Question, skip: int) -> _Loops:
         before = sum(row["run"] == number for row in rows)
         for count, (cycle, one) in enumerate(each, 1 + before):
             begin, lasted = float(part.time[cycle.start]), float(part.time[cycle.end] - part.time[cycle.start])
-            more = {"work": one.work, "power": one.work / lasted, "friction": one.friction}
+            friction = one.friction if one.height > 0.0 else None  # of a muscle that drives, none is shown
+            more = {"work": one.work, "power": one.work / lasted, "friction": friction}
             place = {"run": number, "group": "", "cycle": count, "time": begin, "duration": lasted}
             rows.append(_plain(place | one._asdict() | more))
             items.append(one)
@@ -294,7 +295,7 @@ def loops(
     """Measure each loop of tension over length: work, friction, width, height and stiffness.
 
     Loops in which pressure, speed or stroke differ are told apart. Work is positive where the muscle delivers it; a height
-    is the tension while lengthening less that while shortening, and the friction half of it.
+    is the tension while lengthening less that while shortening, and the friction half of it where it is positive.
 
     Args:
         recording: recording of mckibben, or a file of another program of any format.
@@ -319,11 +320,6 @@ def loops(
     """
     question = _question(recording, read, start, end, {"length": length, "tension": tension}, by_step=True)
     rows, items, cautions, _ = _loops_of(question, skip)
-    if any(one.height < 0.0 for one in items):
-        active = (
-            "the tension while lengthening lies below that while shortening; half of it is no friction, but what drives"
-        )
-        cautions = (*cautions, Caution(f"{active} the muscle", "height"))
     units = {"work": "J", "friction": "N", "height": "N", "width": "m", "stiffness": "N/m"}
     numbers = [Column(name, None, unit, missing="-") for name, unit in units.items()]
     columns = (*_AT, _PRESSURE, *numbers)

@@ -228,28 +228,12 @@ def is_date(values: np.ndarray) -> bool:
 
 _FRACTION = re.compile(r":\d\d\.\d")
 _DATE_FORMATS = (
-    "%d.%m.%Y %H:%M:%S",
-    "%d.%m.%y %H:%M:%S",
-    "%m/%d/%Y %H:%M:%S",
-    "%d/%m/%Y %H:%M:%S",
-    "%Y/%m/%d %H:%M:%S",
-    "%m/%d/%Y %I:%M:%S %p",
-    "%d/%m/%Y %I:%M:%S %p",
-    "%Y/%m/%d %H:%M",
-    "%d.%m.%Y %H:%M",
-    "%m/%d/%Y %H:%M",
-    "%d/%m/%Y %H:%M",
-    "%d-%b-%Y %H:%M:%S",
-    "%d-%b-%Y",
-    "%d-%b-%y",
-    "%Y/%m/%d",
-    "%d.%m.%Y",
-    "%m/%d/%Y",
-    "%d/%m/%Y",
-    "%H:%M:%S",
-    "%I:%M:%S %p",
+    "%d.%m.%Y %H:%M:%S", "%d.%m.%y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p", "%d/%m/%Y %I:%M:%S %p", "%Y/%m/%d %H:%M", "%d.%m.%Y %H:%M", "%m/%d/%Y %H:%M",
+    "%d/%m/%Y %H:%M", "%d-%b-%Y %H:%M:%S", "%d-%b-%Y", "%d-%b-%y", "%Y/%m/%d",
+    "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%H:%M:%S", "%I:%M:%S %p",
     "%H:%M",
-)
+)  # fmt: skip
 
 
 def parse_dates(cells: Sequence[str]) -> np.ndarray:

@@ -32,17 +32,8 @@ BUILT_IN = {
 }  # fmt: skip
 
 
-PLAIN_TEXT = (
-    ".csv",
-    ".txt",
-    ".tsv",
-    ".dat",
-    ".lvm",
-    ".sto",
-    ".mot",
-    ".tra",
-    ".asc",
-)  # read by Python alone, in proportional time
+# Read by Python alone, in proportional time.
+PLAIN_TEXT = tuple(f".{name}" for name in "csv txt tsv dat lvm sto mot tra asc".split())
 SMALL_TEXT = 1 << 19  # [B]
 _NOT_THERE = "format of another process"
 
