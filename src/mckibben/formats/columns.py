@@ -541,7 +541,7 @@ def _clock(
     if kept in timed and all(foreign[sources[name].at].clock in timed for name in others):
         return kept, said_of(others, f"interpolated to the times of {_first_of(kept, sources, foreign)}")
     labels = [foreign[sources[name].at].label for name in others]
-    lines = said_of(labels, f"left out: {'its' if len(labels) == 1 else 'their'} samples are not those of the time")
+    lines = said_of(labels, "left out: the time has other samples")
     for name in others:
         del sources[name]
     return kept, lines
