@@ -69,8 +69,8 @@ def _labview(rows: Rows) -> PlainRows | None:
     body = rows[begin + 1 :]
     comma = head.get("Decimal_Separator") == ","
     if body and not any(_cell(row) for _, row in body) and "Delta_X" in about:
-        start, step = (float(_cell(about.get(key, []), 1).replace(",", ".") or 0.0) for key in ("X0", "Delta_X"))
-        times = (repr(start + step * at) for at in range(len(body)))
+        first, step = (float(_cell(about.get(key, []), 1).replace(",", ".") or 0.0) for key in ("X0", "Delta_X"))
+        times = (repr(first + step * at) for at in range(len(body)))
         body = [(n, [x.replace(".", ",") if comma else x, *row[1:]]) for x, (n, row) in zip(times, body, strict=True)]
     alike = [at for at in several[1:] if all(_cell(row, at) in ("", _cell(row)) for _, row in body)]
     kept = [at for at in range(len(names)) if at not in alike]
