@@ -39,7 +39,7 @@ from mckibben.web.pages.fit.jobs import FitJob, FitRequest
 from mckibben.web.pages.recordings import jobs as recording_jobs
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
-from mckibben.web.stream import CHANNELS, HEAD, Stream
+from mckibben.web.stream import CHANNELS, HEAD, Stream, places
 from mckibben.web.workspace import AFTER, HOLD, LASTS, Control, Toasts, Workspace
 
 
@@ -322,6 +322,16 @@ def test_a_response_that_comes_late_says_nothing_of_a_circuit_that_came_meanwhil
     monkeypatch.setattr(circuit_state, "respond", late)
     asyncio.run(follow(desk, said.append, said.append, lambda *given: said.append(given), said.append))
     assert said == [] and desk.method is None and desk.document == other
+
+
+def test_channels_of_a_file_of_others_are_those_that_every_question_finds():
+    """By name or unit, as the questions of the command line do; of a run of ours nothing is guessed."""
+    channels = {n: Channel(np.arange(3.0), u) for n, u in (("weg", "m"), ("druck", "Pa"), ("cell_3", "N"))}
+    found = {"length": "weg", "pressure": "druck", "tension": "cell_3"}
+    assert places(Recording(np.arange(3.0), channels, {"source": {"file": "odd.csv"}})) == found
+    assert places(Recording(np.arange(3.0), channels)) == {}
+    two = channels | {"cell_4": channels["cell_3"]}
+    assert "tension" not in places(Recording(np.arange(3.0), two, {"source": {}}))
 
 
 @pytest.mark.parametrize("name", BAD)
