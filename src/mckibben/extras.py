@@ -12,8 +12,11 @@ from .errors import MissingLibraryError
 
 # Library in Python -> its extra, and its name for pip.
 LIBRARIES = {
+    "asammdf": ("mdf", "asammdf"),
     "dask": ("sweep", "dask"),
     "distributed": ("sweep", "distributed"),
+    "edfio": ("formats", "edfio"),
+    "ezc3d": ("formats", "ezc3d"),
     "gymnasium": ("gym", "gymnasium"),
     "fmpy": ("fmi", "fmpy"),
     "libcosimpy": ("libcosim", "libcosimpy"),

@@ -39,7 +39,10 @@ MEMORY, TIME = "MCKIBBEN_READ_MEMORY", "MCKIBBEN_READ_TIME"
 LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 24  # [B], 1
 LEAST_TIME, TIME_PER_BYTE = 20.0, 2.5e-6  # [s], [s/B]
 # Suffixes of files that are never parsed here.
-PARSED = tuple(f".{name}" for name in "nc mcap mat tdms parquet gz xlsx xls ods h5 hdf5 hdf db3 bag ddf zip".split())
+PARSED = tuple(
+    f".{name}"
+    for name in "nc mcap mat tdms parquet gz xlsx xls ods h5 hdf5 hdf db3 bag ddf edf bdf c3d mf4 mdf zip".split()
+)
 AT_ONCE = 4  # files that are read at the same time
 KEPT = 16 << 20  # a process that has read a larger file is not kept [B]
 IDLE = 120.0  # time after which a process that reads nothing ends [s]

@@ -90,6 +90,14 @@ def test_loops_at_other_pressures_are_told_apart_whichever_run_they_are_of():
     assert by_pressure == pytest.approx({"1 bar": 1.0, "3 bar": 3.0}, abs=1e-9)
 
 
+def test_a_loop_that_delivers_work_shows_no_friction():
+    """Friction opposes both ways, so the tension of lengthening is the higher one; of a driven muscle it is the lower."""
+    passive, driven = strokes(friction=2.0).loops(), strokes(friction=-2.0).loops()
+    assert [one.height > 0.0 for one in (*passive, *driven)] == [True] * len(passive) + [False] * len(driven)
+    assert [row["friction"] for row in passive.rows()] == pytest.approx([2.0] * len(passive))  # rounding
+    assert {row["friction"] for row in driven.rows()} == {None}
+
+
 def test_work_of_a_way_that_does_not_return_is_its_integral():
     record = strokes(0.0).select(0.5, 1.5)  # from the longest to the shortest
     answer = record.work()

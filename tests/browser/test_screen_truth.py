@@ -260,10 +260,6 @@ MANY = (
     "path", ["/", f"/fit?map=DMSP-20-300&laws={MANY}", "/compare", "/energy", "/recordings", "/size?lines=no"]
 )
 def test_what_a_page_loads_moves_nothing_that_one_reads_already(visit, path, width, height):
-    if path == "/recordings" and width < 1200:
-        pytest.skip(
-            "below 1200 a list of many recordings still moves what is below, by 0.12 to 0.16 where it comes late"
-        )
     page = visit(path, width=width, height=height)
     page.evaluate(
         """() => { window.moved = 0; new PerformanceObserver(list => { for (const e of list.getEntries())

@@ -31,10 +31,15 @@ from mckibben.web.forms import accept, refusal, shown
 from mckibben.web.guard import CROWDED, SOCKETS, SOCKETS_EACH, Guard
 from mckibben.web.live import KEPT as KEPT_PAGES
 from mckibben.web.live import PageConnection, PageRegistry
+from mckibben.web.pages.circuit import state as circuit_state
+from mckibben.web.pages.circuit.document import starts
+from mckibben.web.pages.circuit.state import CircuitState, follow
+from mckibben.web.pages.fit import jobs as fit_jobs
+from mckibben.web.pages.fit.jobs import FitJob, FitRequest
 from mckibben.web.pages.recordings import jobs as recording_jobs
 from mckibben.web.server import leading_to
 from mckibben.web.shelf import Shelf, plain
-from mckibben.web.stream import CHANNELS, HEAD, Stream
+from mckibben.web.stream import CHANNELS, HEAD, Stream, places
 from mckibben.web.workspace import AFTER, HOLD, LASTS, Control, Toasts, Workspace
 
 
@@ -280,6 +285,53 @@ def test_two_notes_that_are_added_at_once_stay_and_undo_takes_its_own(tmp_path, 
     shelf.delete("a.nc")
     with pytest.raises(InputError, match="not found"):  # an answer, as of an undo that comes too late
         note(3.0, "late")()
+
+
+def test_a_law_that_is_fitted_while_another_table_comes_is_not_of_that_table(tmp_path, monkeypatch):
+    """Whether the work was stopped is asked and the law taken in one step, so that no table comes between the two."""
+    begun, take, work = threading.Event(), FitJob._take, FitJob(None)
+
+    def slow(job, law, result):
+        if result is not None:
+            begun.set()
+            time.sleep(0.3)
+        take(job, law, result)
+
+    monkeypatch.setattr(FitJob, "_take", slow)
+    monkeypatch.setattr(fit_jobs, "file_of", lambda _, asked: tmp_path / asked.name)
+    monkeypatch.setattr(fit_jobs, "fit", lambda law, points, **_: points)
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).touch()
+    work.start(FitRequest("table", "a.csv"), object(), ["ideal"])
+    assert begun.wait(60.0)
+    work.start(FitRequest("table", "b.csv"), object(), [])
+    time.sleep(0.5)  # longer than the law of the table before takes to be taken
+    assert not work.fits and not work.running
+
+
+def test_a_response_that_comes_late_says_nothing_of_a_circuit_that_came_meanwhile(monkeypatch):
+    """What a thread computes goes through the page's own loop, which knows whether it is still of this circuit."""
+    first, other = (starts()[name] for name in ("Filling a tank through a tube", "Valve, tube and muscle"))
+    desk, said, respond = CircuitState(first), [], circuit_state.respond
+
+    def late(plan, method):
+        done = respond(plan, method)
+        desk.take(other)
+        return done
+
+    monkeypatch.setattr(circuit_state, "respond", late)
+    asyncio.run(follow(desk, said.append, said.append, lambda *given: said.append(given), said.append))
+    assert said == [] and desk.method is None and desk.document == other
+
+
+def test_channels_of_a_file_of_others_are_those_that_every_question_finds():
+    """By name or unit, as the questions of the command line do; of a run of ours nothing is guessed."""
+    channels = {n: Channel(np.arange(3.0), u) for n, u in (("weg", "m"), ("druck", "Pa"), ("cell_3", "N"))}
+    found = {"length": "weg", "pressure": "druck", "tension": "cell_3"}
+    assert places(Recording(np.arange(3.0), channels, {"source": {"file": "odd.csv"}})) == found
+    assert places(Recording(np.arange(3.0), channels)) == {}
+    two = channels | {"cell_4": channels["cell_3"]}
+    assert "tension" not in places(Recording(np.arange(3.0), two, {"source": {}}))
 
 
 @pytest.mark.parametrize("name", BAD)

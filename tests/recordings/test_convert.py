@@ -192,7 +192,7 @@ def test_tdms_files_of_others(tmp_path: Path) -> None:
     read = read_any(tdms(tmp_path / "b.tdms", *dated))
     assert np.allclose(read.recording.time, TIME, rtol=0, atol=1e-9)  # dates in whole microseconds, binary seconds
     assert read.recording.meta["source"]["start"].startswith("2026-01-02T03:04:05")
-    assert read.remarks == ["other is left out: its samples are not those of the time"]
+    assert read.remarks == ["other is left out: the time has other samples"]
 
 
 def test_parquet_files_of_others(tmp_path: Path) -> None:

@@ -500,3 +500,65 @@ def test_what_each_column_of_a_map_is_taken_for_is_told(tmp_path):
         ("length", "mm"), ("pressure", "bar abs"), ("tension", "N"),
     ]  # fmt: skip
     assert uses["operator"][0] == ""
+
+
+# What public files of actuators and muscles showed
+
+
+@pytest.mark.parametrize(
+    ("label", "unit", "value"),
+    [
+        ("torque [Nmm]", "N*m", 1e-3), ("torque [N.m]", "N*m", 1.0), ("torque [kNm]", "N*m", 1e3),
+        ("torque [in-lb]", "N*m", 0.0254 * 4.4482216152605), ("work [J]", "J", 1.0),
+        ("acceleration [m/s2]", "m/s^2", 1.0), ("ax [g]", "m/s^2", 9.80665), ("load cell weight [g]", "kg", 1e-3),
+        ("pressure [kg/cm2]", "Pa", 98066.5), ("position [rev]", "rad", 2.0 * np.pi), ("rectal [DegC]", "K", 274.15),
+    ],
+)  # fmt: skip
+def test_a_unit_is_what_its_field_means_by_it(tmp_path, label, unit, value):
+    """A moment is no energy, kilograms on gauges are forces, and g of an acceleration is no mass."""
+    read = mk.read(put(tmp_path / "a.csv", f"Tiempo (segundos),{label}\n0,1\n1,1\n3,2\n"))
+    (name,) = read.names()
+    assert read.unit(name) == unit and read.time[-1] == 3.0
+    assert read[name][0] == pytest.approx(value, rel=1e-12)  # rounding of the conversion
+
+
+def test_seconds_since_1970_are_a_date_and_rows_of_one_time_are_said_in_whatever_order_they_stand(tmp_path):
+    rows = "1738851054,1\n1738851060,2\n1738851057,3\n1738851055,4\n1738851060,5\n1738851070,6\n"
+    read = understand(put(tmp_path / "a.csv", f"Timestamp,pressure [bar]\n{rows}"))
+    assert read.data.time.tolist() == [0.0, 1.0, 3.0, 6.0, 16.0]
+    assert read.data["pressure"].tolist() == [1e5, 4e5, 3e5, 2e5, 6e5]
+    assert read.data.meta["source"]["start"].startswith("2025-02-06T14:10:54")
+    assert [line for line in read.remarks if line == "row 6 is left out: another row has its time"]
+
+
+def test_a_text_that_is_named_as_a_sheet_is_read_as_a_text(tmp_path):
+    pytest.importorskip("python_calamine")
+    read = understand(put(tmp_path / "a.xls", "time [s]\tpressure [bar]\n0\t1\n1\t2\n2\t4\n"))
+    assert read.data["pressure"].tolist() == [1e5, 2e5, 4e5] and read.remarks == ("the file is a text, and no sheet",)
+
+
+def test_the_first_line_of_a_terminals_log_is_no_header(tmp_path):
+    path = put(tmp_path / "a.log.csv", "=~=~= PuTTY log 2017.08.23 13:06:09 =~=~=\n0, 1.5, 2\n1, 1.6, 3\n3, 1.7, 4\n")
+    assert "the file has no header; name its columns" in said(path)
+    read = mk.read(path, header="time [ms], pressure [bar], force [N]")
+    assert read["pressure"].tolist() == [1.5e5, 1.6e5, 1.7e5] and read.time[-1] == 3e-3
+
+
+def test_words_beside_a_table_are_left_out_and_said(tmp_path):
+    read = understand(put(tmp_path / "a.csv", "time [s],pressure [bar]\n0,1,,1 deg = 2 mm\n1,2,,\n2,4,,\n"))
+    assert read.data["pressure"].tolist() == [1e5, 2e5, 4e5]
+    assert read.remarks == ("beside the table is left out: 1 deg = 2 mm",)
+
+
+def test_samples_of_labview_without_times_are_at_the_interval_that_its_head_states(tmp_path):
+    head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\nX_Columns\tNo\n***End_of_Header***\t\n\t\n"
+    parts = (
+        "Channels\t2\t\t\nSamples\t3\t3\t\nY_Unit_Label\tbar\tN\t\nX_Dimension\tTime\tTime\t\nX0\t0,5E+0\t0,5E+0\t\n"
+    )
+    rows = "Delta_X\t0,25\t0,25\t\n***End_of_Header***\t\t\t\n"
+    rows += "X_Value\tp (a)\tf (b)\tComment\n\t1,5\t2\n\t1,75\t3\n\t2,5\t4\n"
+    read = mk.read(put(tmp_path / "a.lvm", head + parts + rows))
+    assert read.time.tolist() == [0.5, 0.75, 1.0] and [read[n].tolist() for n in read.names()] == [
+        [1.5e5, 1.75e5, 2.5e5],
+        [2.0, 3.0, 4.0],
+    ]

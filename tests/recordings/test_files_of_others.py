@@ -318,6 +318,37 @@ def tdms(path):
         writer.write_segment([nptdms.ChannelObject("Log", n, v, {"unit_string": u, **wave}) for n, u, v in channels])
 
 
+def edf(path):
+    """16 bits over ranges that make a step of 1/8 bar and 1/4 N, so that all values are exact."""
+    edfio = pytest.importorskip("edfio")
+    channels = (("pressure", "bar", FILLING, (-4096, 4095.875)), ("force", "N", PULL, (-8192, 8191.75)))
+    edfio.Edf(
+        annotations=[edfio.EdfAnnotation(0.012, None, "valve opens")],
+        signals=[edfio.EdfSignal(v, 250, label=n, physical_dimension=u, physical_range=r) for n, u, v, r in channels],
+        patient=edfio.Patient(name="Somebody"),
+        data_record_duration=0.032,
+    ).write(path)
+
+
+def c3d(path):
+    ezc3d = pytest.importorskip("ezc3d")
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = file["parameters"]["ANALOG"]["RATE"]["value"] = [250.0]
+    file["parameters"]["ANALOG"]["LABELS"]["value"] = ["pressure", "force"]
+    file["parameters"]["ANALOG"]["UNITS"]["value"] = ["bar", "N"]
+    file["data"]["analogs"] = np.array([[FILLING, PULL]])
+    file["data"]["points"] = np.zeros((4, 0, len(TIME)))
+    file.write(str(path))
+
+
+def mdf(path):
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF() as file:
+        channels = (("pressure", "bar", FILLING), ("force", "N", PULL), ("gear", "1", np.full(8, b"first")))
+        file.append([asammdf.Signal(v, 1e-3 * TIME, u, n, encoding="utf-8") for n, u, v in channels])
+        file.save(path)
+
+
 def new_matlab(path):
     pytest.importorskip("pymatreader")
     import h5py
@@ -427,6 +458,9 @@ RUNS = {
     "dates.csv": (csv_with_dates, {}),
     "logger.txt": (german_logger, {"columns": {"pressure": "Druck [bar]", "force": "Kraft [N]"}}),
     "run.tdms": (tdms, {}),
+    "run.edf": (edf, {}),
+    "run.c3d": (c3d, {}),
+    "run.mf4": (mdf, {}),
     "run.mat": (new_matlab, {}),
     "run.nc": (netcdf, {}),
     "bag": (bag_folder, ROS),
@@ -450,6 +484,18 @@ def test_a_run_is_the_same_whatever_program_wrote_it(tmp_path, name):
     )
     np.testing.assert_allclose(record["force"], PULL, rtol=1e-15)
     assert record.unit("force") == "N"
+    assert record.meta.get("events", []) == ([{"time": 0.012, "text": "valve opens"}] if name == "run.edf" else [])
+    assert "Somebody" not in json.dumps(record.meta)  # whom a file was recorded of is nobody else's business
+
+
+@pytest.mark.parametrize("suffix", ["edf", "bdf", "c3d", "mf4", "mdf"])
+def test_bytes_that_are_no_recording_are_refused_in_one_line_whatever_the_library_says(tmp_path, suffix):
+    pytest.importorskip({"c3d": "ezc3d", "mf4": "asammdf", "mdf": "asammdf"}.get(suffix, "edfio"))
+    for content in (b"x" * 22, bytes(4096), b"\x02P" + b"\xff" * 4094):
+        (tmp_path / f"a.{suffix}").write_bytes(content)
+        with pytest.raises(InputError, match=rf"a\.{suffix}: .*(cannot be read as|damaged|no channel)") as refused:
+            mk.read(tmp_path / f"a.{suffix}")
+        assert "\n" not in str(refused.value)
 
 
 # A muscle lever's file, in the layout of Aurora's DMC
@@ -559,7 +605,8 @@ BROKEN = {
     "names.csv": (
         GOOD.replace("length_mm", "travel").replace("pressure_bar", "air").encode(),
         "the columns are travel, air, force_N; "
-        "a recording needs a time, a force map length, pressure and force; name the columns, with columns={'time': ..}",
+        "a recording needs a time, or the period of its samples, a force map length, pressure and force; name the "
+        "columns, with columns={'time': ..}",
     ),
     "numbers.csv": (
         GOOD.partition("\n")[2].encode(),

@@ -164,6 +164,8 @@ def test_a_recording_is_read_from_a_recording_and_its_file_is_named_where_there_
     refused(lambda: read_recording(files / "own.xyz"), "File not found")
     (files / "own.xyz").touch()
     refused(lambda: read_recording(files / "own.xyz"), "Unknown suffix '.xyz'")
+    (files / "lever.ddf").write_text("DMC")
+    refused(lambda: read_recording(files / "lever.ddf"), "a file .ddf is converted into a recording of mckibben first")
     refused(lambda: read_recording(files / "record.csv"), "this is no recording of mckibben")
     for source, place in ((own, ""), (files / "own.csv", f"{files / 'own.csv'}: ")):
         with pytest.raises(InputError) as error, naming_file(source):

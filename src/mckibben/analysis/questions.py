@@ -242,7 +242,8 @@ def _loops_of(question: _Question, skip: int) -> _Loops:
         before = sum(row["run"] == number for row in rows)
         for count, (cycle, one) in enumerate(each, 1 + before):
             begin, lasted = float(part.time[cycle.start]), float(part.time[cycle.end] - part.time[cycle.start])
-            more = {"work": one.work, "power": one.work / lasted, "friction": one.friction}
+            friction = one.friction if one.height > 0.0 else None  # of a muscle that drives, none is shown
+            more = {"work": one.work, "power": one.work / lasted, "friction": friction}
             place = {"run": number, "group": "", "cycle": count, "time": begin, "duration": lasted}
             rows.append(_plain(place | one._asdict() | more))
             items.append(one)
@@ -293,7 +294,8 @@ def loops(
 ) -> RecordingNumbers[TensionLoop]:
     """Measure each loop of tension over length: work, friction, width, height and stiffness.
 
-    Loops in which pressure, speed or stroke differ are told apart. Work is positive where the muscle delivers it.
+    Loops in which pressure, speed or stroke differ are told apart. Work is positive where the muscle delivers it; a height
+    is the tension while lengthening less that while shortening, and the friction half of it where it is positive.
 
     Args:
         recording: recording of mckibben, or a file of another program of any format.

@@ -17,7 +17,7 @@ from ..documents import JsonValue, parse_toml
 from ..verbs import QUANTITIES, ParameterType
 
 PACKAGE = Path(__file__).parents[1]
-DATA = tuple(".csv .xlsx .ods .xls .txt .mat .tdms .parquet .h5 .hdf5 .mcap .db3 .ddf .nc".split())
+DATA = tuple(".csv .xlsx .ods .xls .txt .mat .tdms .parquet .h5 .hdf5 .mcap .db3 .ddf .edf .c3d .mf4 .nc".split())
 RECORDINGS = (".nc", ".csv", ".mcap")
 
 

@@ -63,12 +63,18 @@ def times_of(
     if unit != "s":
         raise InputError(f"unit of time ({label})", words["time"], "must be a time such as s or ms", where=where)
     time = values * scale + offset if scale != 1.0 or offset else values.astype(float)
+    if len(time) and time.min() >= _THIS_CENTURY[0] and time.max() < _THIS_CENTURY[1]:
+        begin = time[0]
+        return time - begin, str(np.datetime64(round(1e6 * begin), "us")), None
     counted = len(values) > 1 and bool((values == np.round(values)).all())
     wrap = None
     if counted and (back := float(np.diff(values).min())) < 0.0:
         # A step back of almost all that a counter holds is the counter, and no new run.
         wrap = next((2.0**bits * scale for bits in (16, 32) if -(2.0**bits) < back < -0.9 * 2.0**bits), None)
     return time, None, wrap
+
+
+_THIS_CENTURY = (946_684_800.0, 4_102_444_800.0)  # seconds since 1970, and no run's own clock: 30 years and above
 
 
 def _are_days(values: np.ndarray) -> bool:
@@ -182,8 +188,11 @@ def mend_clock(
         place = table.place(int(kept[back[0] + 1])).removeprefix(", ")
         order = np.argsort(time, kind="stable")
         first = np.r_[True, np.diff(time[order]) > 0.0]
+        again = [i + 1 if table.rows is None else table.rows[i] for i in np.sort(kept[order][~first]).tolist()]
         kept, time = kept[order][first], time[order][first]
         remarks.append(f"{len(back)} samples stand out of their order, the first in {place}; they are put in order")
+        if again:
+            remarks.append(rows_left_out(again, "another row has its time"))
     return MendedClock(time, kept if len(kept) < count or (np.diff(kept) != 1).any() else None, runs, remarks)
 
 
@@ -219,28 +228,12 @@ def is_date(values: np.ndarray) -> bool:
 
 _FRACTION = re.compile(r":\d\d\.\d")
 _DATE_FORMATS = (
-    "%d.%m.%Y %H:%M:%S",
-    "%d.%m.%y %H:%M:%S",
-    "%m/%d/%Y %H:%M:%S",
-    "%d/%m/%Y %H:%M:%S",
-    "%Y/%m/%d %H:%M:%S",
-    "%m/%d/%Y %I:%M:%S %p",
-    "%d/%m/%Y %I:%M:%S %p",
-    "%Y/%m/%d %H:%M",
-    "%d.%m.%Y %H:%M",
-    "%m/%d/%Y %H:%M",
-    "%d/%m/%Y %H:%M",
-    "%d-%b-%Y %H:%M:%S",
-    "%d-%b-%Y",
-    "%d-%b-%y",
-    "%Y/%m/%d",
-    "%d.%m.%Y",
-    "%m/%d/%Y",
-    "%d/%m/%Y",
-    "%H:%M:%S",
-    "%I:%M:%S %p",
+    "%d.%m.%Y %H:%M:%S", "%d.%m.%y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S",
+    "%m/%d/%Y %I:%M:%S %p", "%d/%m/%Y %I:%M:%S %p", "%Y/%m/%d %H:%M", "%d.%m.%Y %H:%M", "%m/%d/%Y %H:%M",
+    "%d/%m/%Y %H:%M", "%d-%b-%Y %H:%M:%S", "%d-%b-%Y", "%d-%b-%y", "%Y/%m/%d",
+    "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%H:%M:%S", "%I:%M:%S %p",
     "%H:%M",
-)
+)  # fmt: skip
 
 
 def parse_dates(cells: Sequence[str]) -> np.ndarray:

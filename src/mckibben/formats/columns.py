@@ -29,7 +29,7 @@ from .table import (
     si_of,
     standard_flow,
 )
-from .text import MISSING, OVERLOAD, is_number, plain_text, rows_left_out, to_numbers
+from .text import MISSING, OVERLOAD, is_number, plain_text, rows_left_out, said_of, to_numbers
 
 AMBIENT = 101325.0  # [Pa], says where vacuum is
 FEWEST = 3  # samples of a record in a text table
@@ -290,6 +290,7 @@ def assemble(
         for n, c in sources.items()
     }
     source = {"file": path.name, "columns": about, **({"start": start} if start else {}), **table.notes}
+    noted = source.pop("events", [])  # annotations of the file, which are times of the record
     if pressure_zero:
         source["pressure_zero"] = pressure_zero
     if blank or unknown:
@@ -297,8 +298,8 @@ def assemble(
     if changed:
         source["changed"] = changed
     more: dict[str, Any] = {"runs": runs} if runs else {}
-    if events:
-        more["events"] = [{"time": one["time"], "text": one["text"]} for one in events]
+    if events or noted:
+        more["events"] = [*noted, *({"time": one["time"], "text": one["text"]} for one in events)]
     try:
         return StoredRecording(time, channels, {"title": path.name, "source": source, **more}, remarks)
     except InputError as error:
@@ -470,12 +471,18 @@ def _check_known(
             raise InputError(name, None, f"is missing: the file has {has}", where=where)
 
 
+_ACCELERATION = re.compile(r"accel|beschl|(?:^|[._ ])a(?:cc)?_?[xyz]?\d*$")  # in g, which is no mass there
+
+
 def _units(
     sources: dict[str, ColumnSource], foreign: Sequence[ForeignColumn], units: dict[str, str], where: str
 ) -> dict[str, str | None]:
     """Unit of each channel that is read, including the time; a pressure that is stated as absolute is named so."""
     labels = {foreign[column.at].label: name for name, column in sources.items()}
-    words = {name: column.unit for name, column in sources.items()}
+    words = {
+        name: "g_0" if column.unit == "g" and _ACCELERATION.search(name) else column.unit
+        for name, column in sources.items()
+    }
     for key, unit in units.items():
         name = key if key in sources else labels.get(key)
         if name is None:
@@ -532,8 +539,9 @@ def _clock(
         kept = next(iter(clocks)) if chosen else max(clocks, key=lambda clock: len(timed[clock]))
     others = [name for name, column in sources.items() if foreign[column.at].clock != kept]
     if kept in timed and all(foreign[sources[name].at].clock in timed for name in others):
-        return kept, [f"{name} is interpolated to the times of {_first_of(kept, sources, foreign)}" for name in others]
-    lines = [f"{foreign[sources[n].at].label} is left out: its samples are not those of the time" for n in others]
+        return kept, said_of(others, f"interpolated to the times of {_first_of(kept, sources, foreign)}")
+    labels = [foreign[sources[name].at].label for name in others]
+    lines = said_of(labels, "left out: the time has other samples")
     for name in others:
         del sources[name]
     return kept, lines

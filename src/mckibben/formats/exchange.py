@@ -1,4 +1,4 @@
-"""Files of MATLAB, LabVIEW (TDMS) and Parquet, each with a line of JSON from which it reads back exactly; and spreadsheets.
+"""Files of MATLAB, LabVIEW (TDMS) and Parquet, each with a line of JSON from which it reads back exactly; and of others.
 
 MATLAB files are written as version 5, and read as version 5 and 7.3. Written are ``time``, a column per channel under a
 name that MATLAB allows, the struct ``units`` with the unit of each, and ``mckibben``, a line of JSON with names, kinds,
@@ -9,6 +9,7 @@ properties ``unit_string``, ``description`` and ``kind``, and at the root title 
 metadata.
 
 A Parquet file has a column ``name [unit]`` per channel after ``time [s]``, and a line of JSON in the file's metadata.
+Spreadsheets, and the recordings of physiology (EDF, BDF), motion capture (C3D) and vehicles (MDF), are only read.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from .labels import time_column
 from .sidecar import KEY, dumps, loads, one_line, unreadable
 from .store import check_self_contained
 from .table import FileFormat, ForeignColumn, ForeignTable, Samples, StoredRecording, si_of
-from .text import TEXT_OPTIONS, Rows, mostly_numbers, plain_names, table_of_rows, with_points
+from .text import TEXT_OPTIONS, Rows, mostly_numbers, plain_names, read_text_table, said_of, table_of_rows, with_points
 
 _LARGEST = 2**31 - 1  # [B] of a variable of version 5
 _KEYWORDS = frozenset(
@@ -315,7 +316,7 @@ def read_tdms(path: Path) -> StoredRecording | ForeignTable:
     where = str(path)
     nptdms = library("nptdms", "TDMS files need", where=where)
     with unreadable("a TDMS file", where):
-        with open(path, "rb") as stream, _library_log() as logged:
+        with open(path, "rb") as stream, _library_log("nptdms") as logged:
             file = nptdms.TdmsFile.read(stream)
         line = file.properties.get(KEY)
         if isinstance(line, str):
@@ -339,13 +340,14 @@ def read_tdms(path: Path) -> StoredRecording | ForeignTable:
 
 
 @contextmanager
-def _library_log() -> Iterator[list[str]]:
+def _library_log(package: str) -> Iterator[list[str]]:
     """Catch what the library writes to its log while it reads, as lines; it would print them."""
     lines: list[str] = []
     handler = logging.Handler()
     handler.emit = lambda record: lines.append(record.getMessage()[:200])  # type: ignore[method-assign]
-    # Each module of the library has a log of its own, and the one above them none.
-    logs = [logging.getLogger(name) for name in list(logging.root.manager.loggerDict) if name.startswith("nptdms.")]
+    # Each module of a library may have a log of its own, and the one above them none.
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == package]
+    logs = [logging.getLogger(name) for name in names]
     before = [log.handlers for log in logs]
     for log in logs:
         log.handlers = [handler]
@@ -452,6 +454,12 @@ def read_spreadsheet(
     where = str(path)
     calamine = library("python_calamine", "Spreadsheets need", where=where)
     cells = _CELLS.fullmatch(sheet) if isinstance(sheet, str) else None
+    with open(path, "rb") as stream:
+        begun = stream.read(4)
+    if sheet is None and path.suffix.lower() == ".xls" and begun.isascii() and begun[:2] != b"PK":
+        # LabVIEW and others give text this name, so that Excel opens it; a sheet begins with bytes that no text has
+        table = read_text_table(path, decimal=decimal, header=header)
+        return table._replace(remarks=["the file is a text, and no sheet", *table.remarks])
     with unreadable("a spreadsheet", where):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as packed:
@@ -553,3 +561,84 @@ def _cell_text(cell: object) -> str:
 SPREADSHEETS = FileFormat(
     title="Spreadsheets", read=read_spreadsheet, options=("sheet", *TEXT_OPTIONS), parts=sheet_names
 )
+
+
+def read_edf(path: Path) -> ForeignTable:
+    """Read the signals of physiology, each with its unit and rate, and the annotations; not the name of the person.
+
+    Raises:
+        InputError: the file cannot be read, or was interrupted.
+    """
+    where = str(path)
+    edfio = library("edfio", "EDF files need", where=where)
+    with unreadable("an EDF file", where):
+        file = (edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf)(path, header_encoding="latin-1")
+        signals = [(one.label, one.data, one.physical_dimension, one.sampling_frequency) for one in file.signals]
+        whole, events = file.is_continuous, [{"time": one.onset, "text": one.text} for one in file.annotations]
+    if not whole:
+        problem = "its recording was interrupted (EDF+D); export it as continuous EDF, a file for each part"
+        raise InputError("file", None, sentence=problem, where=where)
+    return ForeignTable([_sampled(*signal) for signal in signals], {"events": events} if events else {})
+
+
+def _sampled(label: str, values: np.ndarray, unit: str | None, rate: float) -> ForeignColumn:
+    """A column of samples at a rate [Hz], without times where the file states none."""
+    time = np.arange(len(values)) / rate if rate > 0.0 else None
+    return ForeignColumn(label, values, unit or None, f"{len(values)} samples at {rate:g} Hz", time)
+
+
+EDF = FileFormat(title="EDF files", read=read_edf)
+
+
+def read_c3d(path: Path) -> ForeignTable:
+    """Read the points of a motion capture, three coordinates each, and the analogue channels, on a clock of their own.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    where = str(path)
+    ezc3d = library("ezc3d", "C3D files need", where=where)
+    with unreadable("a C3D file", where):
+        file = ezc3d.c3d(where)
+        data, stated = file["data"], file["parameters"]
+        columns = []
+        for group, samples in (("POINT", data["points"][:3]), ("ANALOG", data["analogs"])):
+            said = {name: list(one["value"]) for name, one in stated.get(group, {}).items() if name[:2] != "__"}
+            labels = [label for name in ("LABELS", "LABELS2", "LABELS3") for label in said.get(name, [])]
+            units, rate = said.get("UNITS", []), float((said.get("RATE") or [0.0])[0])
+            for at in range(samples.shape[1]):
+                label = labels[at] if at < len(labels) and labels[at] else f"{group.lower()} {at + 1}"
+                unit = units[at] if at < len(units) else units[0] if units and group == "POINT" else None
+                for axis, along in zip(".x .y .z".split() if group == "POINT" else [""], samples[:, at], strict=True):
+                    columns.append(_sampled(f"{label}{axis}", along, unit, rate))
+    return ForeignTable(columns)
+
+
+C3D = FileFormat(title="C3D files", read=read_c3d)
+
+
+def read_mdf(path: Path) -> ForeignTable:
+    """Read the channels of numbers of a measurement of vehicles (``.mf4``, ``.mdf``), each group on its own clock.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    where = str(path)
+    asammdf = library("asammdf", "MDF files need", instead="export it as CSV or MATLAB from its program", where=where)
+    columns, words = [], []
+    with unreadable("an MDF file", where), _library_log("asammdf") as logged, asammdf.MDF(path) as file:
+        for signal in file.iter_channels(skip_master=True, copy_master=False):
+            at, values = signal.group_index, signal.samples
+            # a group without a name is told from others by its number
+            group = file.groups[at].channel_group.acq_name or f"group {at + 1}"
+            label = f"{group}.{signal.name}" if len(file.groups) > 1 else signal.name
+            if values.ndim != 1 or values.dtype.kind not in "fiub":
+                words.append(label)
+            elif len(values):
+                clock = f"{len(values)} samples of {group}"
+                columns.append(ForeignColumn(label, values, signal.unit or None, clock, signal.timestamps))
+    remarks = said_of(words, "left out: a sample is not one number")
+    return ForeignTable(columns, {}, [*remarks, *dict.fromkeys(logged)])
+
+
+MDF = FileFormat(title="MDF files", read=read_mdf)

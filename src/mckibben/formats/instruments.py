@@ -62,10 +62,16 @@ def _labview(rows: Rows) -> PlainRows | None:
     if begin is None:
         return None
     number, names = rows[begin]
-    units_row = next((row for _, row in rows[:begin] if _cell(row) == "Y_Unit_Label"), [])
+    about = {_cell(row): row for _, row in rows[:begin]}
+    units_row = about.get("Y_Unit_Label", [])
     several = [at for at, name in enumerate(names) if name.strip() == "X_Value"]
     units = [_cell(units_row, at) for at in range(len(names))]  # below their channels, with one X column or several
     body = rows[begin + 1 :]
+    comma = head.get("Decimal_Separator") == ","
+    if body and not any(_cell(row) for _, row in body) and "Delta_X" in about:
+        first, step = (float(_cell(about.get(key, []), 1).replace(",", ".") or 0.0) for key in ("X0", "Delta_X"))
+        times = (repr(first + step * at) for at in range(len(body)))
+        body = [(n, [x.replace(".", ",") if comma else x, *row[1:]]) for x, (n, row) in zip(times, body, strict=True)]
     alike = [at for at in several[1:] if all(_cell(row, at) in ("", _cell(row)) for _, row in body)]
     kept = [at for at in range(len(names)) if at not in alike]
     remarks = []
@@ -75,7 +81,7 @@ def _labview(rows: Rows) -> PlainRows | None:
         kept = [at for at in kept if at <= last]
         left = [name.strip() for name in names[other:] if name.strip() not in ("X_Value", "Comment")]
         remarks.append(f"{', '.join(left)} left out: their X column is not that of the first channel")
-    of_time = _cell(next((row for _, row in rows[:begin] if _cell(row) == "X_Dimension"), []), 1) in ("", "Time")
+    of_time = _cell(about.get("X_Dimension", []), 1) in ("", "Time")
     labels = ["time [s]" if at == 0 and of_time else label for at, label in enumerate(_labelled(names, units))]
     table = [(number, [labels[at] for at in kept])] + [(n, [_cell(row, at) for at in kept]) for n, row in body]
     start = f"{head.get('Date', '')} {head.get('Time', '')[:15]}".strip()

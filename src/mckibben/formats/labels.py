@@ -28,21 +28,8 @@ COLUMNS = {
     "run": ("run", "run_id", "trial", "test_id", "versuch", "lauf", "essai", "ensayo", "prova", "ensaio"),
     "diameter": ("diameter", "inner_diameter", "rest_diameter", "bore", "durchmesser", "diametre", "diametro"),
 }  # fmt: skip
-TIMES = (
-    "time",
-    "t",
-    "timestamp",
-    "time_stamp",
-    "elapsed_time",
-    "zeit",
-    "zeitstempel",
-    "temps",
-    "tiempo",
-    "tempo",
-    "tout",
-    "times",
-    "timestamps",
-    "time_stamps",
+TIMES = tuple(
+    "time t timestamp time_stamp elapsed_time zeit zeitstempel temps tiempo tempo tout times timestamps time_stamps".split()
 )
 # Names that end so are times too, where no column is called one of `TIMES`: "Total Time", "Prüfzeit", "epoch_ms".
 _TIMELIKE = re.compile(r"(?:.*[_ ])?(?:time|epoch|datetime|uhrzeit|timestamp)|.*zeit")

@@ -27,22 +27,13 @@ BUILT_IN = {
     "lvm": "store:TEXT", "sto": "store:TEXT", "mot": "store:TEXT", "tra": "store:TEXT", "asc": "store:TEXT",
     "xlsx": "exchange:SPREADSHEETS", "xls": "exchange:SPREADSHEETS", "ods": "exchange:SPREADSHEETS",
     "h5": "store:HDF5", "hdf5": "store:HDF5", "hdf": "store:HDF5", "db3": "messages:BAGS", "bag": "messages:BAGS",
-    "ddf": "ddf:FORMAT",
-    "zip": "crate:FORMAT",
+    "ddf": "ddf:FORMAT", "edf": "exchange:EDF", "bdf": "exchange:EDF", "c3d": "exchange:C3D", "mf4": "exchange:MDF",
+    "mdf": "exchange:MDF", "zip": "crate:FORMAT",
 }  # fmt: skip
 
 
-PLAIN_TEXT = (
-    ".csv",
-    ".txt",
-    ".tsv",
-    ".dat",
-    ".lvm",
-    ".sto",
-    ".mot",
-    ".tra",
-    ".asc",
-)  # read by Python alone, in proportional time
+# Read by Python alone, in proportional time.
+PLAIN_TEXT = tuple(f".{name}" for name in "csv txt tsv dat lvm sto mot tra asc".split())
 SMALL_TEXT = 1 << 19  # [B]
 _NOT_THERE = "format of another process"
 

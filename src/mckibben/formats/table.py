@@ -268,7 +268,17 @@ _TARGETS = (
 )
 _ANGLES = ("rad", "rad/s", "rad/s^2")
 _ANGLE_WORDS = re.compile(r"deg(rees?)?\b|°(?![CF])|rpm|rev|turn|rad\b|arcmin|arcsec")
-_AS_PRINTED = {"Nm": "N*m", "RPM": "rpm", "Celsius": "degC", "Fahrenheit": "degF"}
+# Units as files print them: kilograms on gauges are forces, and a digit behind a letter is an exponent.
+_AS_PRINTED = tuple(
+    (re.compile(printed), plain)
+    for printed, plain in (
+        (r"kgf?/cm(2|\^2|²)", "kgf/cm^2"), (r"lbf?[-.* ](in|ft)", r"lbf*\1"), (r"(in|ft)[-.* ]lbf?", r"lbf*\1"),
+        ("RPM", "rpm"), (r"(?i:deg\.? ?c|celsius)", "degC"), ("Fahrenheit", "degF"), ("rev", "turn"),
+        (r"(?i:sekunden?|secondes?|segundos?|secondi|secondo)", "s"),
+        (r"(?i:mil+i?-?(sekunden?|secondes?|segundos?|secondi))", "ms"), (r"(.*[A-Za-z])([23])", r"\1^\2"),
+    )
+)  # fmt: skip
+_TORQUE = re.compile(r"([mk]?N|lbf)[-.·* ]?([mc]?m|in|ft)")  # no energy, though it has the same dimension
 _TEMPERATURES = {"°C": "degC", "C": "degC", "°F": "degF", "F": "degF"}
 
 
@@ -374,8 +384,9 @@ def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, floa
         return unit, 1.0, 0.0
     if (standard := standard_flow(unit)) is not None:
         return "kg/s", standard[0], 0.0
-    word = _TEMPERATURES.get(unit, unit)
-    for target in _ANGLES if _ANGLE_WORDS.search(word) else _TARGETS:
+    torque = _TORQUE.fullmatch(unit)
+    word = f"{torque[1]}*{torque[2]}" if torque else _TEMPERATURES.get(unit, unit)
+    for target in ("N*m",) if torque else _ANGLES if _ANGLE_WORDS.search(word) else _TARGETS:
         try:
             offset = to_si(0.0, word, target, field=field)
         except (InputError, SyntaxError, TokenError):  # pint meets "m mm)" with the latter two
@@ -387,7 +398,9 @@ def si_of(unit: str, *, field: str, where: str | None = None) -> tuple[str, floa
             else round((to_si(1000.0, word, target, field=field) - offset) / 1000.0, 12)
         )
         return target, scale, offset
-    plain = _AS_PRINTED.get(unit, unit.lower() if unit.isalpha() and len(unit) > 3 else unit)
+    plain = next((p.sub(word, unit) for p, word in _AS_PRINTED if p.fullmatch(unit)), None) or (
+        unit.lower() if unit.isalpha() and len(unit) > 3 else unit
+    )
     if plain != unit:  # "Volts", "MILLIMETERS"; of short ones the letters' case counts
         with contextlib.suppress(InputError):
             return si_of(plain, field=field)

@@ -159,7 +159,8 @@ def _counts(line: str) -> bool:
 def _mark(lines: Sequence[str]) -> str | None:
     """What parts the cells: the mark by which most lines have as many; None for blanks."""
     best, most = None, 0
-    for mark in MARKS:
+    stated = lines[0].removeprefix("LabVIEW Measurement")[:1] if lines else ""
+    for mark in (stated,) if stated and stated in ("\t", ";", ",") and lines[0][0] == "L" else MARKS:
         rows = csv.reader(lines, delimiter=mark) if mark else map(_words, lines)
         widths = collections.Counter(len(row) for row in rows if len(row) > 1)
         count = max(widths.values(), default=0)
@@ -214,6 +215,10 @@ def table_of_rows(
         if firsts == [str(i) for i in range(1, len(table) + 1)] or not any(map(is_number, firsts)):
             names, width = ["", *names], width + 1  # R numbers or names its rows, and not their column
     words = _columns_of_words(table, width)
+    beside = [cell.strip() for _, row in table for cell in row[width:] if cell.strip()]
+    if names is not None and beside and not any(map(_like_number, beside)):
+        remarks.append(f"beside the table is left out: {'; '.join(beside)[:80]}")
+        table = [(n, row[:width]) for n, row in table]
     fitting = []
     for n, row in table:
         if len(row) > width and not any(map(str.strip, row[width:])):
@@ -221,7 +226,12 @@ def table_of_rows(
         elif len(row) < width and words.issuperset(range(len(row), width)):
             row = [*row, *[""] * (width - len(row))]  # a comment that only some rows have
         fitting.append((n, row))
-    check_width(fitting, width, f"the header has {width} columns" if names else f"the first row has {width}", where)
+    check_width(
+        fitting,
+        width,
+        f"the header has {width} column{'s' if width > 1 else ''}" if names else f"the first row has {width}",
+        where,
+    )
     labels = names if names is not None else [f"column {at}" for at in range(1, width + 1)]
     cells = list(zip(*(row for _, row in fitting), strict=True)) or [() for _ in labels]
     numbers = [n for n, _ in fitting]
@@ -270,6 +280,9 @@ def _begin_of_numbers(rows: Rows) -> tuple[int, int]:
         if numeric[at] and fits and widths[at] > 1 and _all_words(rows[at - 1][1]):
             two = at > 1 and _all_words(rows[at - 2][1]) and len(rows[at - 2][1]) == len(rows[at - 1][1])
             return at, 2 if two and _is_units(rows[at - 1][1]) else 1
+    at = next((at for at, width in enumerate(widths) if width > 1), 0)
+    if at and numeric[at] and len(rows[0][1]) == 1:  # lines of a terminal's log above numbers without a header
+        return at, 0
     if _all_words(rows[0][1]) or not numeric[0]:
         return 1, 1
     return 0, 0
@@ -278,10 +291,11 @@ def _begin_of_numbers(rows: Rows) -> tuple[int, int]:
 def _header(rows: Rows, begin: int, lines: int, where: str) -> list[str] | None:
     """The names of the columns with their units, or None where the file has none."""
     if not lines:
-        words = [cell for cell in rows[0][1] if cell.strip() and not is_number(cell) and not _like_number(cell)]
+        number, first = rows[begin]
+        words = [cell for cell in first if cell.strip() and not is_number(cell) and not _like_number(cell)]
         if words:
             demand = "must be a row of names, or one of numbers where there is no header"
-            raise InputError(f"row {rows[0][0]}", words[0], demand, where=where)
+            raise InputError(f"row {number}", words[0], demand, where=where, remedy="header")
         return None
     number, names = rows[begin - lines]
     cells = [plain_text(cell) for cell in _stripped(names)]
@@ -289,7 +303,7 @@ def _header(rows: Rows, begin: int, lines: int, where: str) -> list[str] | None:
     if wrong is not None and lines == 1 and not _all_words(names):
         word = next(cell for cell in cells if not is_number(cell))
         demand = "must be a row of names, or one of numbers where there is no header"
-        raise InputError(f"row {number}", word, demand, where=where)
+        raise InputError(f"row {number}", word, demand, where=where, remedy="header")
     if lines == 2:
         units = [cell.strip().strip("[]()").strip() for cell in rows[begin - 1][1]]
         cells += [""] * (len(_stripped(rows[begin - 1][1])) - len(cells))
@@ -487,6 +501,13 @@ def rows_left_out(numbers: Sequence[int], reason: str) -> str:
         return f"row {numbers[0]} is left out: {reason}"
     named = ", ".join(map(str, numbers[:MOST_NAMED])) + (", .." if len(numbers) > MOST_NAMED else "")
     return f"{len(numbers)} rows are left out, {named}: {reason}"
+
+
+def said_of(names: Sequence[str], what: str) -> list[str]:
+    """The sentences ``a is left out: ..``, one for each channel; of many channels one for all of them."""
+    if len(names) <= MOST_NAMED:
+        return [f"{name} is {what}" for name in names]
+    return [f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more are {what}"]
 
 
 def split_header(cell: str, words: Container[str]) -> tuple[str, list[str]]:

@@ -14,6 +14,9 @@
 | ``.tdms`` | of mckibben and of other programs | all | npTDMS |
 | ``.parquet`` | of mckibben and of other programs | all | polars |
 | ``.ddf`` | of Aurora Scientific's DMC, the muscle lever | | |
+| ``.edf``, ``.bdf`` | signals of physiology | | edfio |
+| ``.c3d`` | points and channels of a motion capture | | ezc3d |
+| ``.mf4``, ``.mdf`` | measurements of vehicles (ASAM MDF) | | asammdf |
 | ``.zip`` | RO-Crates of mckibben | all, as data repositories take it | |
 
 Further formats come from other packages: see `mckibben.formats.registry`. What the columns of a table mean is decided in
@@ -254,6 +257,8 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
         return "recording"
     if not table.columns or not len(table.columns[0].values):
         problem = "no row of numbers was found; the file must have a header and rows of numbers"
+        if table.rows is None:
+            problem = "no channel of numbers was found in it"
         raise InputError("file", "empty", problem, sentence=problem, where=where)
     if not table.named:
         problem = "the file has no header; name its columns and their units, such as 'time [ms], pressure [bar]'"
@@ -267,7 +272,8 @@ def _kind_of(table: ForeignTable, columns: Mapping[str, str | int], period: floa
             return "recording"
         if columns or (len(recognised) >= 2 and recognised & {"length", "contraction"}):
             raise
-        needs = "a recording needs a time, a force map length, pressure and force; name the columns"
+        needs = "a recording needs a time, or the period of its samples, a force map length, pressure and force"
+        needs += "; name the columns"
         likely = likely_columns(table_labels(usable))
         if len(likely) > 1:
             needs += f" (by their units {', '.join(f'{column} may be the {one}' for one, column in likely.items())})"
@@ -338,10 +344,13 @@ def read_recording(path: str | Path | Recording) -> Recording:
     path = Path(path_text(path, "recording"))
     if not path.is_file():
         raise no_file(path)
-    if path.suffix.lower() not in RECORDINGS:
-        raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
+    if (suffix := path.suffix.lower()) not in RECORDINGS:
+        if format_of(path) is None:
+            raise InputError("suffix", path.suffix or str(path), known=RECORDINGS, where=str(path))
+        problem = f"a file {suffix} is converted into a recording of mckibben first (mckibben record convert)"
+        raise InputError("file", path.name, sentence=problem, where=str(path))
     # A log that is damaged where it says that it is one still has its samples.
-    content = mcap.read_log(path) if path.suffix.lower() == ".mcap" else load(path)
+    content = mcap.read_log(path) if suffix == ".mcap" else load(path)
     if isinstance(content, ForeignTable):
         problem = (
             "this is no recording of mckibben; a table of others is converted into one first (mckibben record convert)"

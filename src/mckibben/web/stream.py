@@ -11,6 +11,7 @@ Epochs are counted from 1 by every server: without its identity one of them may 
 
 from __future__ import annotations
 
+import contextlib
 import secrets
 import struct
 import threading
@@ -19,12 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.channels import choose_channel
 from ..analysis.loops import closed_area
 from ..analysis.shortening import shortening_power
 from ..bench.rig import Rig
 from ..components.gas import AIR
 from ..documents import JsonValue
-from ..errors import MckibbenError
+from ..errors import InputError, MckibbenError
 from ..quantities import from_si, shown_unit
 from ..recordings import Channel, Recording
 
@@ -195,9 +197,13 @@ def channel(record: Recording, names: Sequence[str]) -> str:
 
 
 def places(record: Recording) -> dict[str, str]:
-    """Channels of length, pressure and tension, measured ones first."""
+    """Channels of length, pressure and tension, measured ones first; of a file of others by their names or units."""
     from ..report.recording_report import LENGTHS, PRESSURES, TENSIONS
 
     named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
     channels = {quantity: channel(record, names) for quantity, names in named.items()}
+    if "source" in record.meta:
+        for quantity in [quantity for quantity, name in channels.items() if not name]:
+            with contextlib.suppress(InputError):
+                channels[quantity] = choose_channel(record, quantity)
     return {quantity: name for quantity, name in channels.items() if name}

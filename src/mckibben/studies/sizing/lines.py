@@ -19,6 +19,7 @@ doi:10.1109/70.481753, and the discussion of the longer report.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -147,10 +148,13 @@ def lines_for(
     return [replace(line, speed=by.get((line.valve, line.tube))) for line in ranked]
 
 
+_valve = functools.lru_cache(64)(valve_from_specimen)  # each stands in many lines of an answer
+
+
 def _lane(
     muscle: Judged, wish: Requirements, valve: Specimen, tube: CataloguePart, length: float, at: float, **more: float
 ) -> Lane:
-    element = valve_from_specimen(valve)
+    element = _valve(valve)
     regulated = isinstance(element, PressureRegulator)
     pipe = LumpedTube(
         length=length, diameter=tube.values["inner_diameter"], wall_temperature=wish.environment.temperature

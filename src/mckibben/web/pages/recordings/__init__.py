@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 LINK = ("a", "b", "pa", "pb", "view", "differences", *WORDS)
 LOOKS = 2.0  # time between two looks into the folder [s]
 AT_ONCE = 6  # recordings that are read before the list is drawn again
+MANY = 6  # recordings that fill the list where it stands above what is read: it has its height before they come
 
 
 def build(workspace: Workspace, request: Request) -> None:
@@ -69,7 +70,8 @@ class RecordingsPage:
             self._told = text("span", "", "small dim")
             self.actions.buttons()
         with box("div", "recordings"):
-            with box("section", "panel list").set(aria_label="List of recordings") as whole:
+            many = " many" if len(self.choice.shelf.names()) >= MANY else ""
+            with box("section", f"panel list{many}").set(aria_label="List of recordings") as whole:
                 self._filters = listing.tools(self.choice.words, self._searched)
                 with box("div", "apart-bar"):
                     check("Only what differs", self._apart, self._told_apart)

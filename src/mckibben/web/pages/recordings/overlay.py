@@ -310,8 +310,8 @@ def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
         Measure(name, unit, digits, [scale * getattr(s, key) if s is not None else math.nan for s in last])
         for name, unit, digits, key, scale in (
             ("Mean pressure of the last loop", "bar", 2, "pressure", from_si(1.0, "Pa", "bar")),
-            ("Loop width at mid-range", "cm", 3, "width", 1e2),
-            ("Loop height at mid-range", "N", 2, "height", 1.0),
+            ("Loop width at mid-range, shortening less lengthening", "cm", 3, "width", 1e2),
+            ("Loop height at mid-range, lengthening less shortening", "N", 2, "height", 1.0),
             ("Work per cycle", "J", 3, "work", 1.0),
             ("Stiffness", "N/cm", 2, "stiffness", 1e-2),
         )
