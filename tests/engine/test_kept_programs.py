@@ -78,6 +78,27 @@ def test_parameters_are_arguments_and_not_part_of_a_program(lowered):
     assert len(lowered) == 1
 
 
+def test_a_program_that_came_with_the_package_is_found_whatever_versions_lowered_it(
+    folder, lowered, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(programs, "LOWERED", tmp_path / "lowered")
+    programs.LOWERED.mkdir()
+    first = tension()
+    (program,) = folder.glob("*.program")
+    other = folder / f"{program.stem[: programs.DIGITS]}{'0' * 8}.program"  # as of another Python, JAX or NumPy
+    program.rename(other)
+    assert tension() == first
+    assert len(lowered) == 2  # what is cached is of these versions
+    (folder / program.name).unlink()
+    shipped = programs.LOWERED / f"{program.stem[: programs.DIGITS]}.program"
+    shutil.move(other, shipped)
+    assert tension() == first
+    assert len(lowered) == 2
+    shipped.write_bytes(shipped.read_bytes()[:-1])
+    assert tension() == first
+    assert len(lowered) == 3  # a damaged file is none
+
+
 class Remainder(Module):
     """A module with a formula that no kernel can do."""
 

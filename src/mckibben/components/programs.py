@@ -7,12 +7,15 @@ Called with arrays of JAX or inside a function that JAX traces, it is traced as 
 A program is found by its key, a hash of all that tracing a function for examples of its arguments depends on:
 
 * the sources of the compiler and of this package, without those packages above all that the function comes from, which it
-  cannot import; those of other packages that it comes from; and the versions of Python, JAX and NumPy;
+  cannot import; and those of other packages that it comes from;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
 * the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
   functions and types, for either may have been replaced;
 * how JAX counts: with 64 bits, and by which promotion.
+
+Its last digits are of the versions of Python, JAX and NumPy. A wheel brings programs of what is called first, in `LOWERED`:
+they are the same equations whichever of these versions lowered them, and are found by the other digits.
 
 A file of the user's own (`registry.load_reference`) is known by its content, after which its module is named, if it imports
 nothing that nobody watches and its other values are plain or arrays.
@@ -70,6 +73,8 @@ UPPER = (
     ("bench", "identification", "simulation"),
     ("analysis",),
 )
+LOWERED = Path(__file__).parents[1] / "lowered"  # absent in a copy of the sources; `tests/wheel/check.py` makes it
+DIGITS = 32  # of a key that are not of versions
 cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
 
 
@@ -91,12 +96,20 @@ def program_key(function: Callable[..., Tree], examples: Sequence[Tree]) -> str 
         name.constants()
     except UnnamedError:
         return None
-    return name.digest.hexdigest()[:40]
+    return name.digest.hexdigest()[:DIGITS] + _versions()
+
+
+@functools.cache
+def _versions() -> str:
+    """The last digits of a key, which differ for other versions of Python, NumPy and JAX."""
+    place = str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)
+    jax_version = Path(place).with_name("version.py").read_text(encoding="utf-8")  # JAX itself is not loaded for it
+    return hashlib.sha256(repr((sys.version, np.__version__, jax_version)).encode()).hexdigest()[: 40 - DIGITS]
 
 
 @functools.cache
 def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
-    """Part of every key that depends on sources and versions only.
+    """Part of every key that depends on sources only.
 
     Args:
         top: number of layers of `UPPER` that are left out.
@@ -104,10 +117,6 @@ def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
     """
     digest = hashlib.sha256()
     without = {name for layer in UPPER[:top] for name in layer}
-    for text in (sys.version, np.__version__):
-        digest.update(text.encode() + b"\n")
-    place = str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)
-    digest.update(Path(place).with_name("version.py").read_bytes())  # JAX itself is not loaded for it
     others = [str(Path(str(sys.modules[name].__file__)).parent) for name in ("lanewise", *joined)]
     for folder, left_out in ((str(Path(__file__).parents[1]), without), *((folder, set()) for folder in others)):
         for path in sources(folder, left_out):
@@ -271,7 +280,7 @@ class _Name:
                     self.word(module.__name__, name, value)
                     continue
                 home = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
-                if callable(value) and isinstance(home, str) and hasattr(value, "__qualname__"):
+                if callable(value) and isinstance(home, str) and home != "typing" and hasattr(value, "__qualname__"):
                     self.known(home)
                     self.word(name, home, value.__qualname__)  # another function may have been put into its place
                 if not isinstance(home, str) or home in visited or home.partition(".")[0] not in WATCHED:
@@ -300,7 +309,7 @@ def _collection(value: Any) -> bool:
 
 def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tuple[Program, Tree]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
-    name = None if cache.cache_folder() is None else program_key(function, examples)
+    name = program_key(function, examples)
     known = None if name is None else load_program(name)
     if known is not None:
         return known[0], jax.tree.structure(known[1])
@@ -319,13 +328,13 @@ def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "
 
 def find_program(function: Callable[..., Tree], *examples: Tree) -> tuple[Program, Tree] | None:
     """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
-    name = None if cache.cache_folder() is None else program_key(function, examples)
+    name = program_key(function, examples)
     return None if name is None else load_program(name)
 
 
 def load_program(key: str) -> tuple[Program, Tree] | None:
     """The program of a key and a tree like its results, without JAX; None if none is kept."""
-    stored = cache.load(f"{key}.program")
+    stored = cache.load(f"{key}.program") or cache.read(LOWERED / f"{key[:DIGITS]}.program")
     if stored is None:
         return None
     data, about = stored

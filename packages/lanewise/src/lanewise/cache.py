@@ -89,19 +89,28 @@ def _configured_folder() -> Path | None:
 def load(file: str) -> tuple[bytes, Description] | None:
     """Content and description of a cached file; None if there is none, or it is damaged."""
     folder = cache_folder()
-    if folder is None:
-        return None
+    known = None if folder is None else read(folder / file, private=True)
+    if folder is not None and known is not None:
+        with contextlib.suppress(OSError):
+            os.utime(folder / file)  # used now
+    return known
+
+
+def read(path: Path, *, private: bool = False) -> tuple[bytes, Description] | None:
+    """Content and description of a file that `store` wrote; None if there is none, or it is damaged.
+
+    Args:
+        path: of the file.
+        private: whether it is refused if other users could change it.
+    """
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
-        with open(folder / file, "rb") as stream:
-            if not is_private(stream.fileno()):
+        with open(path, "rb") as stream:
+            if private and not is_private(stream.fileno()):
                 return None
             whole = stream.read()
         if hashlib.sha256(whole[32:]).digest() == whole[:32]:
             size = int.from_bytes(whole[32:40], "little")
-            description = json.loads(whole[40 : 40 + size])
-            with contextlib.suppress(OSError):
-                os.utime(folder / file)  # used now
-            return whole[40 + size :], description
+            return whole[40 + size :], json.loads(whole[40 : 40 + size])
     return None
 
 
