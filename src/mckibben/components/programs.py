@@ -14,8 +14,8 @@ A program is found by its key, a hash of all that tracing a function for example
   functions and types, for either may have been replaced;
 * how JAX counts: with 64 bits, and by which promotion.
 
-Its last digits are of the versions of Python, JAX and NumPy. A wheel brings programs of what is called first, in `LOWERED`:
-they are the same equations whichever of these versions lowered them, and are found by the other digits.
+Its last digits are of the versions of Python, JAX and NumPy. What a wheel brings in `LOWERED` is found by the others: the
+programs of what is called first, which are the same equations whichever of these versions lowered them.
 
 A file of the user's own (`registry.load_reference`) is known by its content, after which its module is named, if it imports
 nothing that nobody watches and its other values are plain or arrays.
@@ -63,16 +63,8 @@ OWN = __name__.partition(".")[0]
 LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "lanewise"})
 PLAIN = (bool, int, float, str, bytes, type(None))
 # The upper layers of this package, from the top: none is imported by those after it, as the contract in pyproject.toml says.
-UPPER = (
-    ("cli",),
-    ("web",),
-    ("report",),
-    ("studies",),
-    ("control",),
-    ("batch",),
-    ("bench", "identification", "simulation"),
-    ("analysis",),
-)
+LAYERS = "cli web report studies control batch bench/identification/simulation analysis"
+UPPER = [layer.split("/") for layer in LAYERS.split()]
 LOWERED = Path(__file__).parents[1] / "lowered"  # absent in a copy of the sources; `tests/wheel/check.py` makes it
 DIGITS = 32  # of a key that are not of versions
 cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
@@ -310,8 +302,7 @@ def _collection(value: Any) -> bool:
 def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tuple[Program, Tree]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
     name = program_key(function, examples)
-    known = None if name is None else load_program(name)
-    if known is not None:
+    if (known := load_program(name)) is not None:
         return known[0], jax.tree.structure(known[1])
     program, tree = lanewise.lower(function, *examples, title=title)
     if name is None:
@@ -328,16 +319,14 @@ def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "
 
 def find_program(function: Callable[..., Tree], *examples: Tree) -> tuple[Program, Tree] | None:
     """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
-    name = program_key(function, examples)
-    return None if name is None else load_program(name)
+    return load_program(program_key(function, examples))
 
 
-def load_program(key: str) -> tuple[Program, Tree] | None:
-    """The program of a key and a tree like its results, without JAX; None if none is kept."""
-    stored = cache.load(f"{key}.program") or cache.read(LOWERED / f"{key[:DIGITS]}.program")
-    if stored is None:
+def load_program(key: str | None) -> tuple[Program, Tree] | None:
+    """The program of a key and a tree like its results, without JAX; None if none is kept, or there is no key."""
+    if key is None or (kept := cache.load(f"{key}.program") or cache.read(LOWERED / f"{key[:DIGITS]}.program")) is None:
         return None
-    data, about = stored
+    data, about = kept
     try:
         arguments, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
         tree = _built(about["tree"])

@@ -198,9 +198,9 @@ class Problem:
         return {}
 
     @property
-    def priors(self) -> dict[str, tuple[float, float]]:
-        """Mean and standard deviation of those free parameters that have a prior [SI]."""
-        return {name: p.prior for name, p in self.parameters.items() if p.prior is not None}
+    def priors(self) -> list[tuple[int, float, float]]:
+        """Place, mean and standard deviation of those free parameters that have a prior [SI]."""
+        return [(i, *p.prior) for i, p in enumerate(self.parameters.values()) if p.prior is not None]
 
     @property
     def curves(self) -> np.ndarray:
@@ -497,9 +497,9 @@ class _Descent:
         self.taut = self.seen & problem.points.taut
         self.size = max(float(self.tension.max()), 1e-9)
         self.noise = FIRST_NOISE
-        self.held = [(problem.free.index(name), *prior) for name, prior in problem.priors.items()]
-        self.informed = bool(self.held) or problem.length_error > 0.0
-        self.last: tuple[bytes, np.ndarray] | None = None
+        self.priors = problem.priors
+        self.informed = bool(self.priors) or problem.length_error > 0.0
+        self.last: dict[bytes, np.ndarray] = {}
         self.count = len(problem.free)
         if self.informed:
             self.curve = problem.curves
@@ -514,19 +514,16 @@ class _Descent:
 
     def parts(self, vector: np.ndarray) -> tuple[np.ndarray, Any]:
         """Scaled parameters, and the shift of the length of each point [m]."""
-        if not self.shifts:
-            return vector[: self.count], 0.0
-        return vector[: self.count], self.problem.length_error * vector[self.count :][self.curve]
+        shift = self.problem.length_error * vector[self.count :][self.curve] if self.shifts else 0.0
+        return vector[: self.count], shift
 
     def braid(self, vector: np.ndarray) -> np.ndarray:
         """Signed force at all points [N], kept of the last vector: a descent asks for it again with the derivative."""
-        key = vector.tobytes()
-        if self.last is None or self.last[0] != key:
-            self.last = key, self.force(*self.parts(vector))
-        return self.last[1]
+        if (key := vector.tobytes()) not in self.last:
+            self.last = {key: self.force(*self.parts(vector))}
+        return self.last[key]
 
     def misfit(self, vector: np.ndarray, *, unilateral: bool, force: np.ndarray | None = None) -> np.ndarray:
-        """Rows whose squares a descent adds up, also of several vectors with the force of each: (.., n)."""
         force = self.braid(vector) if force is None else force
         # A slack point says nothing about a signed force but that it is not positive.
         pull = np.maximum(force, 0.0) if unilateral else np.where(self.taut, force, np.maximum(force, 0.0))
@@ -536,14 +533,12 @@ class _Descent:
     def _surprise(self, vector: np.ndarray) -> np.ndarray:
         """Distance of parameters and length errors from their priors, in standard deviations."""
         rest = vector[..., self.count :]
-        off = [(vector[..., i] * self.problem.scale[i] - mean) / sd for i, mean, sd in self.held]
+        off = [(vector[..., i] * self.problem.scale[i] - mean) / sd for i, mean, sd in self.priors]
         return np.concatenate([np.stack(off, axis=-1), rest], axis=-1) if off else rest
 
     def derivative(self, vector: np.ndarray, *, unilateral: bool) -> np.ndarray:
         scaled, shift = self.parts(vector)
-        pulling = self.braid(vector) > 0.0
-        if not unilateral:
-            pulling = pulling | self.taut
+        pulling = (self.braid(vector) > 0.0) | (self.taut & (not unilateral))
         columns = self.slopes(scaled, shift)
         if self.shifts:
             step = LENGTH_STEP
@@ -558,7 +553,7 @@ class _Descent:
         """What the data say about the errors of set lengths, linearised at a solution; None without such errors."""
         if not self.shifts:
             return None
-        count, priors = len(self.problem.points), len(self.held)
+        count, priors = len(self.problem.points), len(self.priors)
         rows, left = self.derivative(vector, unilateral=True), self.misfit(vector, unilateral=True)
         seen, held = rows[:count] / self.noise, rows[count : count + priors, : self.count] / self.noise
         pull = seen.T @ (seen @ vector - left[:count] / self.noise)
@@ -569,10 +564,10 @@ class _Descent:
         return LengthEvidence(seen.T @ seen, pull, held.T @ held, muscle, self.problem.length_error)
 
     def _prior_rows(self) -> np.ndarray:
-        rows = np.zeros((len(self.held) + self.shifts, self.count + self.shifts))
-        for row, (i, _, sd) in zip(rows, self.held, strict=False):
+        rows = np.zeros((len(self.priors) + self.shifts, self.count + self.shifts))
+        for row, (i, _, sd) in zip(rows, self.priors, strict=False):
             row[i] = self.problem.scale[i] / sd
-        rows[len(self.held) :, self.count :] = np.eye(self.shifts)
+        rows[len(self.priors) :, self.count :] = np.eye(self.shifts)
         return rows
 
     def estimate_noise(self, vector: np.ndarray) -> None:

@@ -415,9 +415,8 @@ def load_table(
         raise InputError("table", None, problem)
     name = path_text(table, "table")
     if not Path(name).suffix and (shipped := find_specimen(name)) is not None:
-        spec = shipped
-        rest = rest or spec.property_si("rest_length", "m")
-        return read_force_map(map_file(spec), rest_length=rest, **reading), spec
+        rest = rest or shipped.property_si("rest_length", "m")
+        return read_force_map(map_file(shipped), rest_length=rest, **reading), shipped
     return read_force_map(name, rest_length=rest, **reading), spec
 
 

@@ -269,8 +269,7 @@ def specimen(name: str | os.PathLike[str], *, kinds: Sequence[str] = KINDS) -> S
 
 def find_specimen(name: str) -> Specimen | None:
     """The specimen of an id (any case), None if there is none; of the shipped ones no file but its own is read."""
-    alone = None if os.environ.get(FOLDER_VARIABLE) else _shipped(name.lower())
-    return alone or _by_id().get(name.lower())
+    return (None if os.environ.get(FOLDER_VARIABLE) else _shipped(name.lower())) or _by_id().get(name.lower())
 
 
 def muscle_specimen(name: str | os.PathLike[str]) -> Specimen:

@@ -88,21 +88,15 @@ def _configured_folder() -> Path | None:
 
 def load(file: str) -> tuple[bytes, Description] | None:
     """Content and description of a cached file; None if there is none, or it is damaged."""
-    folder = cache_folder()
-    known = None if folder is None else read(folder / file, private=True)
-    if folder is not None and known is not None:
-        with contextlib.suppress(OSError):
-            os.utime(folder / file)  # used now
+    if (folder := cache_folder()) is None or (known := read(folder / file, private=True)) is None:
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(folder / file)  # used now
     return known
 
 
 def read(path: Path, *, private: bool = False) -> tuple[bytes, Description] | None:
-    """Content and description of a file that `store` wrote; None if there is none, or it is damaged.
-
-    Args:
-        path: of the file.
-        private: whether it is refused if other users could change it.
-    """
+    """Content and description of a file that `store` wrote; None if it is missing, damaged or not `private`."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
         with open(path, "rb") as stream:
             if private and not is_private(stream.fileno()):
@@ -135,8 +129,7 @@ def store(file: str, data: bytes, description: Description) -> None:
 
 def load_or_make(file: str, make: Callable[[], tuple[bytes, Description]]) -> tuple[bytes, Description]:
     """Content and description of a cached file, created if there is none."""
-    known = load(file)
-    if known is not None:
+    if (known := load(file)) is not None:
         return known
     made = make()
     store(file, *made)
