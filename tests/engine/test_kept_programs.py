@@ -153,6 +153,16 @@ def test_a_constant_that_was_set_gives_another_key(monkeypatch):
     assert march_key() != before
 
 
+def test_a_library_may_move_what_a_module_imports_of_it_and_the_key_stays(monkeypatch):
+    imported = type("Path", (), {})
+    monkeypatch.setattr(step, "Path", imported, raising=False)
+    keys = []
+    for home in ("pathlib", "pathlib._local", "zipfile"):  # as with Python 3.12, with 3.13, and of another library
+        imported.__module__ = home
+        keys.append(march_key())
+    assert keys[0] == keys[1] != keys[2]
+
+
 def test_a_function_that_was_replaced_is_found_out(monkeypatch):
     before = march_key()
     monkeypatch.setattr(step, "axpy", step.zero_integrals)

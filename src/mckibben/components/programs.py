@@ -93,10 +93,9 @@ def program_key(function: Callable[..., Tree], examples: Sequence[Tree]) -> str 
 
 @functools.cache
 def _versions() -> str:
-    """The last digits of a key, which differ for other versions of Python, NumPy and JAX."""
-    place = str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)
-    jax_version = Path(place).with_name("version.py").read_text(encoding="utf-8")  # JAX itself is not loaded for it
-    return hashlib.sha256(repr((sys.version, np.__version__, jax_version)).encode()).hexdigest()[: 40 - DIGITS]
+    """The last digits of a key, which differ for other versions of Python, NumPy and JAX, which is not loaded for it."""
+    place = Path(str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)).with_name("version.py")
+    return hashlib.sha256(repr((sys.version, np.__version__, place.read_bytes())).encode()).hexdigest()[: 40 - DIGITS]
 
 
 @functools.cache
@@ -112,9 +111,8 @@ def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
     others = [str(Path(str(sys.modules[name].__file__)).parent) for name in ("lanewise", *joined)]
     for folder, left_out in ((str(Path(__file__).parents[1]), without), *((folder, set()) for folder in others)):
         for path in sources(folder, left_out):
-            with open(path, "rb") as file:
-                data = file.read()
-            digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
+            data, inside = Path(path).read_bytes(), path.removeprefix(folder).replace(os.sep, "/")
+            digest.update(f"{inside} {len(data)}\n".encode() + data)
     return digest.digest()
 
 
@@ -273,8 +271,9 @@ class _Name:
                     continue
                 home = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
                 if callable(value) and isinstance(home, str) and home != "typing" and hasattr(value, "__qualname__"):
-                    self.known(home)
-                    self.word(name, home, value.__qualname__)  # another function may have been put into its place
+                    # another function may have been put into its place; versions of a library move what it has within it
+                    place = home if self.known(home) else home.partition(".")[0]
+                    self.word(name, place, value.__qualname__)
                 if not isinstance(home, str) or home in visited or home.partition(".")[0] not in WATCHED:
                     continue
                 if isinstance(value, LazyModule):  # it counts, whether it was used already or not
