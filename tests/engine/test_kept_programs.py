@@ -215,8 +215,8 @@ def test_a_changed_source_gives_another_key(tmp_path):
         "print(program_key(Tendon.force, (Tendon(stiffness=1e5), 1.0)), program_key(measured, (1.0,)))"
     )
 
-    def keys():
-        settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path / "src", COMPILER)))}
+    def keys(place=tmp_path / "src"):
+        settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (place, COMPILER)))}
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=settings)
         return done.stdout.split()
 
@@ -227,6 +227,7 @@ def test_a_changed_source_gives_another_key(tmp_path):
 
     first = keys()
     assert [len(key) for key in first] == [40, 40]
+    assert first == keys(ROOT)  # wherever it is installed
     orifice = changed("pneumatics", "orifice.py")
     assert all(old != new for old, new in zip(first, orifice, strict=True))
     assert changed("cli", "app.py") == orifice  # neither function can import the command line

@@ -65,6 +65,7 @@ PLAIN = (bool, int, float, str, bytes, type(None))
 # The upper layers of this package, from the top: none is imported by those after it, as the contract in pyproject.toml says.
 LAYERS = "cli web report studies control batch bench/identification/simulation analysis"
 UPPER = [layer.split("/") for layer in LAYERS.split()]
+INSTALLED = str(Path(__file__).parents[2])  # the same program serves every place
 LOWERED = Path(__file__).parents[1] / "lowered"  # absent in a copy of the sources; `tests/wheel/check.py` makes it
 DIGITS = 32  # of a key that are not of versions
 cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
@@ -267,7 +268,7 @@ class _Name:
                 if name.startswith("__"):
                     continue
                 if isinstance(value, float | int | str) or (type(value) is tuple and _plain(value)):
-                    self.word(module.__name__, name, value)
+                    self.word(module.__name__, name, value.replace(INSTALLED, "") if isinstance(value, str) else value)
                     continue
                 home = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
                 if callable(value) and isinstance(home, str) and home != "typing" and hasattr(value, "__qualname__"):
