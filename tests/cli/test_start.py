@@ -46,7 +46,8 @@ def test_what_computes_nothing_loads_no_library_that_does(words):
 def test_a_tension_needs_no_jax_once_its_kernel_is_kept(tmp_path, monkeypatch):
     monkeypatch.setenv("MCKIBBEN_KERNELS", str(tmp_path / "kernels"))
     law = "import mckibben, mckibben.muscles as m\nm.law_from_specimen(mckibben.specimen('nylon')).tension(0.14, 5e5)"
-    both = f"{law}\n{command('tension nylon --length 14cm --pressure 5bar')}"
+    asked = ("tension nylon --length 14cm --pressure 5bar", "tension nylon --length 12cm --for 30N")
+    both = "\n".join([law, *map(command, asked)])
     assert "jax" in loaded(both, HEAVY)  # nothing is kept yet
     assert loaded(both, tuple(m for m in HEAVY if m != "llvmlite")) == []
 

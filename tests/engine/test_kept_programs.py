@@ -78,6 +78,27 @@ def test_parameters_are_arguments_and_not_part_of_a_program(lowered):
     assert len(lowered) == 1
 
 
+def test_a_program_that_came_with_the_package_is_found_whatever_versions_lowered_it(
+    folder, lowered, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(programs, "LOWERED", tmp_path / "lowered")
+    programs.LOWERED.mkdir()
+    first = tension()
+    (program,) = folder.glob("*.program")
+    other = folder / f"{program.stem[: programs.DIGITS]}{'0' * 8}.program"  # as of another Python, JAX or NumPy
+    program.rename(other)
+    assert tension() == first
+    assert len(lowered) == 2  # what is cached is of these versions
+    (folder / program.name).unlink()
+    shipped = programs.LOWERED / f"{program.stem[: programs.DIGITS]}.program"
+    shutil.move(other, shipped)
+    assert tension() == first
+    assert len(lowered) == 2
+    shipped.write_bytes(shipped.read_bytes()[:-1])
+    assert tension() == first
+    assert len(lowered) == 3  # a damaged file is none
+
+
 class Remainder(Module):
     """A module with a formula that no kernel can do."""
 
@@ -132,6 +153,16 @@ def test_a_constant_that_was_set_gives_another_key(monkeypatch):
     assert march_key() != before
 
 
+def test_a_library_may_move_what_a_module_imports_of_it_and_the_key_stays(monkeypatch):
+    imported = type("Path", (), {})
+    monkeypatch.setattr(step, "Path", imported, raising=False)
+    keys = []
+    for home in ("pathlib", "pathlib._local", "zipfile"):  # as with Python 3.12, with 3.13, and of another library
+        imported.__module__ = home
+        keys.append(march_key())
+    assert keys[0] == keys[1] != keys[2]
+
+
 def test_a_function_that_was_replaced_is_found_out(monkeypatch):
     before = march_key()
     monkeypatch.setattr(step, "axpy", step.zero_integrals)
@@ -184,8 +215,8 @@ def test_a_changed_source_gives_another_key(tmp_path):
         "print(program_key(Tendon.force, (Tendon(stiffness=1e5), 1.0)), program_key(measured, (1.0,)))"
     )
 
-    def keys():
-        settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path / "src", COMPILER)))}
+    def keys(place=tmp_path / "src"):
+        settings = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (place, COMPILER)))}
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=settings)
         return done.stdout.split()
 
@@ -196,6 +227,7 @@ def test_a_changed_source_gives_another_key(tmp_path):
 
     first = keys()
     assert [len(key) for key in first] == [40, 40]
+    assert first == keys(ROOT)  # wherever it is installed
     orifice = changed("pneumatics", "orifice.py")
     assert all(old != new for old, new in zip(first, orifice, strict=True))
     assert changed("cli", "app.py") == orifice  # neither function can import the command line

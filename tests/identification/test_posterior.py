@@ -348,19 +348,20 @@ def test_points_of_one_run_are_drawn_as_points_without_runs():
         posterior_of_fit(fit, runs=["a"], **options)
 
 
-@pytest.mark.slow
-def test_samples_of_a_straight_line_have_the_exact_distribution():
-    pytest.importorskip("numpyro")
+STRAIGHT_NOISE = 0.2
+
+
+def straight_line():
+    """Twelve measured values of a straight line, its slopes (12, 2), and the evidence of a model that is right."""
     chance = np.random.default_rng(3)
     x = np.linspace(-1.0, 1.0, 12)
     slopes = np.stack([np.ones(12), x], axis=1)
-    noise = 0.2
-    measured = slopes @ np.array([0.5, -0.3]) + noise * chance.standard_normal(12)
+    measured = slopes @ np.array([0.5, -0.3]) + STRAIGHT_NOISE * chance.standard_normal(12)
     evidence = sampler.Evidence(
         model=sampler.host_model(12, 2),
         inputs={},
         measured=measured,
-        modes=sampler.ErrorModes.of(noise**2 * np.eye(12), np.eye(12)),
+        modes=sampler.ErrorModes.of(STRAIGHT_NOISE**2 * np.eye(12), np.eye(12)),
         slack_variance=np.zeros(0),
         low=np.full(2, -5.0),
         high=np.full(2, 5.0),
@@ -369,10 +370,37 @@ def test_samples_of_a_straight_line_have_the_exact_distribution():
         amplitude=0.0,
         host=sampler.HostModel(lambda p: slopes @ p, lambda p: slopes),
     )
+    return measured, slopes, evidence
+
+
+def test_few_samples_come_from_one_round_of_chains_long_enough_to_be_judged(monkeypatch):
+    pytest.importorskip("numpyro")
+    chance, rounds = np.random.default_rng(5), []
+
+    def perfect(model, chains, warm_up, each):
+        def kernel(keys, z, data):
+            rounds.append(each)
+            return chance.standard_normal((chains, each, z.shape[1])), np.zeros((chains, each), bool)
+
+        return kernel
+
+    monkeypatch.setattr(sampler, "_kernel", perfect)
+    for draws in (100, 2000):
+        rounds.clear()
+        drawn = sampler.sample(straight_line()[2], draws=draws)
+        assert len(drawn.parameters) == draws
+        assert len(rounds) == 1  # another would warm up anew, although every sample is independent
+        assert drawn.r_hat < sampler.MIXED
+
+
+@pytest.mark.slow
+def test_samples_of_a_straight_line_have_the_exact_distribution():
+    pytest.importorskip("numpyro")
+    measured, slopes, evidence = straight_line()
     drawn = sampler.sample(evidence, draws=2000, warm_up=300)
     inverse = np.linalg.inv(slopes.T @ slopes)
     exact = inverse @ slopes.T @ measured
-    deviation = np.sqrt(np.diag(inverse)) * np.median(drawn.noise) * noise
+    deviation = np.sqrt(np.diag(inverse)) * np.median(drawn.noise) * STRAIGHT_NOISE
     # 2000 samples of which a third are independent: four standard errors of a mean, and of a deviation
     assert drawn.r_hat < 1.05 and drawn.divergences == 0
     assert np.abs(drawn.parameters.mean(axis=0) - exact).max() < 4.0 * deviation.max() / np.sqrt(600.0)

@@ -3,12 +3,13 @@
     python tests/wheel/check.py [PYTHON ..] [--brief] [--keep FOLDER]
 
 Source archives of mckibben, of its compiler and of the packages above it are built, wheels from these archives, and what
-they say of themselves is checked as a package index does. For each Python (this one by default) the compiler is installed
-alone into an empty environment, where the example of its README runs; then mckibben without extras, whose commands that
-come with another package say which; then these packages, each with the example of its README, and every command is called
-there, or one of each distribution with `--brief`. It works; or it says in one sentence, before it computes anything, which
-extra or which file it needs, and ends with exit code 2. A command that is not in `CALLS` is an error, so that a new one
-cannot be forgotten. The size of each installation is printed, and what needs most of it.
+they say of themselves is checked as a package index does. The wheel of mckibben is built twice: the programs that the first
+lowers for `FIRST` are brought by the second, so that nobody's first answer waits for JAX. For each Python (this one by
+default) the compiler is installed alone into an empty environment, where the example of its README runs; then mckibben
+without extras, whose commands that come with another package say which; then these packages, each with the example of its
+README, and every command is called there, or one of each distribution with `--brief`. It works; or it says in one sentence,
+before it computes anything, which extra or which file it needs, and ends with exit code 2. A command that is not in `CALLS`
+is an error, so that a new one cannot be forgotten. The size of each installation is printed, and what needs most of it.
 
 Needs nothing of the package: the tools that build and check are installed into an environment of their own.
 """
@@ -40,6 +41,16 @@ KEPT_ABOVE = ("README.md", "LICENSE", "NOTICE", "firmware/README.md", "firmware/
 TOOLS = ("build", "hatchling>=1.27", "twine")
 # With `--brief`, one command of each distribution, and one that needs none of those above.
 BRIEF = ("tension", "calibrate zero", "export", "benchmark", "reproduce")
+# Arguments of Python; what they lower is in the wheel, in a folder that git ignores. The first script is README's.
+LOWERED = ROOT / "src" / "mckibben" / "lowered"
+FIRST = (
+    ("-c", re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.M | re.S)[0]),
+    *(("-m", "mckibben", *words.split()) for words in (
+        "tension nylon --length 12cm --pressure 5bar", "show nylon", "energy nylon --pressure 5bar",
+        "compare nylon fast-fibre", "fit DMSP-20-300 --law hyperelastic_braid",
+        "run work-loop --muscle nylon --set cycles=2 --out loop.nc",
+    )),
+)  # fmt: skip
 AT_ONCE = 2  # commands that run beside each other
 LONG = ("study tube", "size")  # begun first, so that nobody waits for them at the end
 LONGEST = 300.0  # after which a command is ended [s]
@@ -354,6 +365,9 @@ def main() -> int:
         tools = environment(place / "tools", sys.executable)
         subprocess.run([tools, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *TOOLS], check=True)
         compiler, wrong = built(tools, COMPILER, "lanewise", ("README.md", "LICENSE"), place / "built")
+        shutil.rmtree(LOWERED, ignore_errors=True)  # else what it brings would not be lowered again
+        wheel, _ = built(tools, ROOT, "mckibben", KEPT, place / "built")
+        lower(compiler, wheel, place / "first")
         wheel, more = built(tools, ROOT, "mckibben", KEPT, place / "built")
         wrong, above = wrong + more, []
         for folder in ABOVE:
@@ -411,6 +425,20 @@ def built(tools: Path, root: Path, package: str, kept: Sequence[str], place: Pat
     with tarfile.open(archive) as tar:
         inside = {m.name.split("/", 1)[-1] for m in tar.getmembers()}
     return wheel, wrong + [f"{p} is not in the source archive of {package}" for p in kept if p not in inside]
+
+
+def lower(compiler: Path, wheel: Path, place: Path) -> None:
+    """Leave the programs that `FIRST` lowers where the wheel that is built next finds them."""
+    LOWERED.mkdir()
+    python = environment(place / "venv", sys.executable)
+    install(python, compiler, wheel)
+    for words in FIRST:
+        subprocess.run(
+            [python, "-P", *words], cwd=place, env=surroundings(place), check=True, stdout=subprocess.DEVNULL
+        )
+    for kept in (place / "cache" / "mckibben" / "kernels").glob("*.program"):
+        shutil.copy(kept, LOWERED / f"{kept.stem[:32]}.program")  # without the versions that it was lowered with
+    print(f"{len(list(LOWERED.iterdir()))} programs are in the wheel", flush=True)
 
 
 def accepted(tools: Path, place: Path) -> list[str]:

@@ -7,12 +7,15 @@ Called with arrays of JAX or inside a function that JAX traces, it is traced as 
 A program is found by its key, a hash of all that tracing a function for examples of its arguments depends on:
 
 * the sources of the compiler and of this package, without those packages above all that the function comes from, which it
-  cannot import; those of other packages that it comes from; and the versions of Python, JAX and NumPy;
+  cannot import; and those of other packages that it comes from;
 * the function: where it stands, and what is bound to it (`functools.partial`);
 * the examples: structure, with types and static fields, and shapes and types of the leaves, not their values;
 * the modules that all these come from and those they use: their plain constants, as they are now, and the names of their
   functions and types, for either may have been replaced;
 * how JAX counts: with 64 bits, and by which promotion.
+
+Its last digits are of the versions of Python, JAX and NumPy. What a wheel brings in `LOWERED` is found by the others: the
+programs of what is called first, which are the same equations whichever of these versions lowered them.
 
 A file of the user's own (`registry.load_reference`) is known by its content, after which its module is named, if it imports
 nothing that nobody watches and its other values are plain or arrays.
@@ -60,16 +63,11 @@ OWN = __name__.partition(".")[0]
 LIBRARIES = frozenset({"builtins", "functools", "operator", "math", "jax", "jaxlib", "numpy", "lanewise"})
 PLAIN = (bool, int, float, str, bytes, type(None))
 # The upper layers of this package, from the top: none is imported by those after it, as the contract in pyproject.toml says.
-UPPER = (
-    ("cli",),
-    ("web",),
-    ("report",),
-    ("studies",),
-    ("control",),
-    ("batch",),
-    ("bench", "identification", "simulation"),
-    ("analysis",),
-)
+LAYERS = "cli web report studies control batch bench/identification/simulation analysis"
+UPPER = [layer.split("/") for layer in LAYERS.split()]
+INSTALLED = str(Path(__file__).parents[2])  # the same program serves every place
+LOWERED = Path(__file__).parents[1] / "lowered"  # absent in a copy of the sources; `tests/wheel/check.py` makes it
+DIGITS = 32  # of a key that are not of versions
 cache.use_cache("mckibben", "MCKIBBEN_KERNELS")
 
 
@@ -91,12 +89,19 @@ def program_key(function: Callable[..., Tree], examples: Sequence[Tree]) -> str 
         name.constants()
     except UnnamedError:
         return None
-    return name.digest.hexdigest()[:40]
+    return name.digest.hexdigest()[:DIGITS] + _versions()
+
+
+@functools.cache
+def _versions() -> str:
+    """The last digits of a key, which differ for other versions of Python, NumPy and JAX, which is not loaded for it."""
+    place = Path(str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)).with_name("version.py")
+    return hashlib.sha256(repr((sys.version, np.__version__, place.read_bytes())).encode()).hexdigest()[: 40 - DIGITS]
 
 
 @functools.cache
 def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
-    """Part of every key that depends on sources and versions only.
+    """Part of every key that depends on sources only.
 
     Args:
         top: number of layers of `UPPER` that are left out.
@@ -104,16 +109,11 @@ def source_digest(top: int, joined: tuple[str, ...] = ()) -> bytes:
     """
     digest = hashlib.sha256()
     without = {name for layer in UPPER[:top] for name in layer}
-    for text in (sys.version, np.__version__):
-        digest.update(text.encode() + b"\n")
-    place = str(cast(ModuleSpec, importlib.util.find_spec("jax")).origin)
-    digest.update(Path(place).with_name("version.py").read_bytes())  # JAX itself is not loaded for it
     others = [str(Path(str(sys.modules[name].__file__)).parent) for name in ("lanewise", *joined)]
     for folder, left_out in ((str(Path(__file__).parents[1]), without), *((folder, set()) for folder in others)):
         for path in sources(folder, left_out):
-            with open(path, "rb") as file:
-                data = file.read()
-            digest.update(f"{path.removeprefix(folder)} {len(data)}\n".encode() + data)
+            data, inside = Path(path).read_bytes(), path.removeprefix(folder).replace(os.sep, "/")
+            digest.update(f"{inside} {len(data)}\n".encode() + data)
     return digest.digest()
 
 
@@ -268,12 +268,13 @@ class _Name:
                 if name.startswith("__"):
                     continue
                 if isinstance(value, float | int | str) or (type(value) is tuple and _plain(value)):
-                    self.word(module.__name__, name, value)
+                    self.word(module.__name__, name, value.replace(INSTALLED, "") if isinstance(value, str) else value)
                     continue
                 home = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None)
-                if callable(value) and isinstance(home, str) and hasattr(value, "__qualname__"):
-                    self.known(home)
-                    self.word(name, home, value.__qualname__)  # another function may have been put into its place
+                if callable(value) and isinstance(home, str) and home != "typing" and hasattr(value, "__qualname__"):
+                    # another function may have been put into its place; versions of a library move what it has within it
+                    place = home if self.known(home) else home.partition(".")[0]
+                    self.word(name, place, value.__qualname__)
                 if not isinstance(home, str) or home in visited or home.partition(".")[0] not in WATCHED:
                     continue
                 if isinstance(value, LazyModule):  # it counts, whether it was used already or not
@@ -300,9 +301,8 @@ def _collection(value: Any) -> bool:
 
 def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "") -> tuple[Program, Tree]:
     """Find a function's program and the structure of its results on disk, or lower it; see `lanewise.lower`."""
-    name = None if cache.cache_folder() is None else program_key(function, examples)
-    known = None if name is None else load_program(name)
-    if known is not None:
+    name = program_key(function, examples)
+    if (known := load_program(name)) is not None:
         return known[0], jax.tree.structure(known[1])
     program, tree = lanewise.lower(function, *examples, title=title)
     if name is None:
@@ -319,16 +319,14 @@ def lower_or_load(function: Callable[..., Tree], *examples: Tree, title: str = "
 
 def find_program(function: Callable[..., Tree], *examples: Tree) -> tuple[Program, Tree] | None:
     """The program of a function that was lowered before and a tree like its results, without JAX; None if none is kept."""
-    name = None if cache.cache_folder() is None else program_key(function, examples)
-    return None if name is None else load_program(name)
+    return load_program(program_key(function, examples))
 
 
-def load_program(key: str) -> tuple[Program, Tree] | None:
-    """The program of a key and a tree like its results, without JAX; None if none is kept."""
-    stored = cache.load(f"{key}.program")
-    if stored is None:
+def load_program(key: str | None) -> tuple[Program, Tree] | None:
+    """The program of a key and a tree like its results, without JAX; None if none is kept, or there is no key."""
+    if key is None or (kept := cache.load(f"{key}.program") or cache.read(LOWERED / f"{key[:DIGITS]}.program")) is None:
         return None
-    data, about = stored
+    data, about = kept
     try:
         arguments, wanted = ([Leaf(n, k, tuple(s)) for n, k, s in about[part]] for part in ("arguments", "results"))
         tree = _built(about["tree"])

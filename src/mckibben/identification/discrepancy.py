@@ -239,8 +239,7 @@ class LawError:
 def _prior(problem: Problem, values: np.ndarray, size: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Information of the parameters' priors, and that times the change to their means, in units of the trend."""
     information, pull = np.zeros(len(values)), np.zeros(len(values))
-    for name, (mean, deviation) in problem.priors.items():
-        i = problem.free.index(name)
+    for i, mean, deviation in problem.priors:
         if free[i]:
             information[i] = (size[i] * deviation) ** -2.0
             pull[i] = information[i] * size[i] * (mean - values[i])

@@ -160,7 +160,7 @@ class Problem:
             for (name, q), ends in zip(self.quantities.items(), self.typical.values(), strict=True)
         }
 
-    @property
+    @functools.cached_property
     def scale(self) -> np.ndarray:
         """Size of each free parameter."""
         return np.array([p.size for p in self.parameters.values()])
@@ -198,9 +198,9 @@ class Problem:
         return {}
 
     @property
-    def priors(self) -> dict[str, tuple[float, float]]:
-        """Mean and standard deviation of those free parameters that have a prior [SI]."""
-        return {name: p.prior for name, p in self.parameters.items() if p.prior is not None}
+    def priors(self) -> list[tuple[int, float, float]]:
+        """Place, mean and standard deviation of those free parameters that have a prior [SI]."""
+        return [(i, *p.prior) for i, p in enumerate(self.parameters.values()) if p.prior is not None]
 
     @property
     def curves(self) -> np.ndarray:
@@ -447,8 +447,7 @@ def solve(
     descend = _Descent(problem, force, slopes, weight)
     if search:
         draws, pulls = problem.candidates(seed)
-        pairs = zip(draws, pulls, strict=True)
-        cost = [float(np.sum(descend.misfit(descend.whole(d), unilateral=False, force=f) ** 2)) for d, f in pairs]
+        cost = np.sum(descend.misfit(descend.whole(draws), unilateral=False, force=pulls) ** 2, axis=-1)
         queue += list(draws[np.argsort(cost)[:POLISHED]])
     solutions = []
     for start in queue:
@@ -500,6 +499,7 @@ class _Descent:
         self.noise = FIRST_NOISE
         self.priors = problem.priors
         self.informed = bool(self.priors) or problem.length_error > 0.0
+        self.last: dict[bytes, np.ndarray] = {}
         self.count = len(problem.free)
         if self.informed:
             self.curve = problem.curves
@@ -508,33 +508,37 @@ class _Descent:
         self.shifts = int(self.curve.max()) + 1 if problem.length_error > 0.0 else 0
 
     def whole(self, vector: np.ndarray) -> np.ndarray:
-        """A vector with all length errors, zero where it has none."""
-        return np.append(vector[: self.count], np.zeros(self.shifts)) if vector.size == self.count else vector
+        """A vector, or several (.., p), with all length errors, zero where it has none."""
+        missing = self.count + self.shifts - vector.shape[-1]
+        return np.concatenate([vector, np.zeros((*vector.shape[:-1], missing))], axis=-1) if missing else vector
 
     def parts(self, vector: np.ndarray) -> tuple[np.ndarray, Any]:
         """Scaled parameters, and the shift of the length of each point [m]."""
-        if not self.shifts:
-            return vector[: self.count], 0.0
-        return vector[: self.count], self.problem.length_error * vector[self.count :][self.curve]
+        shift = self.problem.length_error * vector[self.count :][self.curve] if self.shifts else 0.0
+        return vector[: self.count], shift
+
+    def braid(self, vector: np.ndarray) -> np.ndarray:
+        """Signed force at all points [N], kept of the last vector: a descent asks for it again with the derivative."""
+        if (key := vector.tobytes()) not in self.last:
+            self.last = {key: self.force(*self.parts(vector))}
+        return self.last[key]
 
     def misfit(self, vector: np.ndarray, *, unilateral: bool, force: np.ndarray | None = None) -> np.ndarray:
-        force = self.force(*self.parts(vector)) if force is None else force
+        force = self.braid(vector) if force is None else force
         # A slack point says nothing about a signed force but that it is not positive.
         pull = np.maximum(force, 0.0) if unilateral else np.where(self.taut, force, np.maximum(force, 0.0))
         errors = np.nan_to_num(self.weight * (pull - self.tension) / self.size, nan=1e6, posinf=1e6, neginf=-1e6)
-        return np.concatenate([errors, self.noise * self._surprise(vector)]) if self.informed else errors
+        return np.concatenate([errors, self.noise * self._surprise(vector)], axis=-1) if self.informed else errors
 
     def _surprise(self, vector: np.ndarray) -> np.ndarray:
         """Distance of parameters and length errors from their priors, in standard deviations."""
-        values = vector[: self.count] * self.problem.scale
-        off = [(values[self.problem.free.index(n)] - mean) / sd for n, (mean, sd) in self.priors.items()]
-        return np.concatenate([off, vector[self.count :]])
+        rest = vector[..., self.count :]
+        off = [(vector[..., i] * self.problem.scale[i] - mean) / sd for i, mean, sd in self.priors]
+        return np.concatenate([np.stack(off, axis=-1), rest], axis=-1) if off else rest
 
     def derivative(self, vector: np.ndarray, *, unilateral: bool) -> np.ndarray:
         scaled, shift = self.parts(vector)
-        pulling = self.force(scaled, shift) > 0.0
-        if not unilateral:
-            pulling = pulling | self.taut
+        pulling = (self.braid(vector) > 0.0) | (self.taut & (not unilateral))
         columns = self.slopes(scaled, shift)
         if self.shifts:
             step = LENGTH_STEP
@@ -561,8 +565,7 @@ class _Descent:
 
     def _prior_rows(self) -> np.ndarray:
         rows = np.zeros((len(self.priors) + self.shifts, self.count + self.shifts))
-        for row, (name, (_, sd)) in zip(rows, self.priors.items(), strict=False):
-            i = self.problem.free.index(name)
+        for row, (i, _, sd) in zip(rows, self.priors, strict=False):
             row[i] = self.problem.scale[i] / sd
         rows[len(self.priors) :, self.count :] = np.eye(self.shifts)
         return rows
@@ -602,7 +605,7 @@ class _Descent:
                 gtol=1e-12,
             )
             start = end.x
-            if np.all(self.force(*self.parts(start))[self.seen] > 0.0):
+            if np.all(self.braid(start)[self.seen] > 0.0):
                 break  # nothing is slack, and the second descent would be the first again
         return end._replace(start=first if start_with is None else start_with.start)
 

@@ -27,7 +27,7 @@ from ..muscles.laws import LAWS, law_key, law_type
 from ..quantities import declared, in_si, named_values, with_unit
 from ..recordings import ForceMap, read_force_map
 from ..registry import is_reference, named_by_person
-from ..specimens import Specimen, map_file, muscle_specimen, save_specimen, specimen_ids
+from ..specimens import Specimen, find_specimen, map_file, muscle_specimen, save_specimen
 from .fit import Fit, bound_of, degenerate_words, evaluate, fit_all, fitted_specimen
 from .fit import fit as fit_law
 
@@ -414,10 +414,9 @@ def load_table(
         problem = f"is missing: {wanted}" if untyped is None else f"must be {wanted}, got {type(untyped).__name__}"
         raise InputError("table", None, problem)
     name = path_text(table, "table")
-    if not Path(name).suffix and name.lower() in [known.lower() for known in specimen_ids()]:
-        spec = muscle_specimen(name)
-        rest = rest or spec.property_si("rest_length", "m")
-        return read_force_map(map_file(spec), rest_length=rest, **reading), spec
+    if not Path(name).suffix and (shipped := find_specimen(name)) is not None:
+        rest = rest or shipped.property_si("rest_length", "m")
+        return read_force_map(map_file(shipped), rest_length=rest, **reading), shipped
     return read_force_map(name, rest_length=rest, **reading), spec
 
 

@@ -69,6 +69,7 @@ SEARCH = 300  # iterations of the search for the mode
 TREE_DEPTH = 8
 ACCEPTED = 0.97  # share of the proposals; at 0.9, of longer steps, single chains stay in a narrow bend of the posterior
 ROUNDS = 4  # of all chains, each of a warm-up and samples
+FEWEST_EACH = 150  # samples of a chain in a round: fewer seldom mix, and another round costs another warm-up
 RUN_COLUMNS = 6  # the count of runs is filled up to a multiple of it
 REACH = 8.0  # of the uniform prior to either side of the fit, in standard deviations of the linearised model
 MIXED, FEW = 1.05, 200  # largest R-hat, and fewest independent samples, of chains that are said to have mixed
@@ -362,7 +363,7 @@ def sample(
     library("numpyro.diagnostics", "Samples of a posterior need")
     each = -(-draws // chains)
     with _host.lock:
-        kernel = _kernel(evidence.model, chains, warm_up, each)
+        kernel = _kernel(evidence.model, chains, warm_up, max(each, FEWEST_EACH))
         _host.current = evidence.host
         data = _data(evidence)
         return _draws(evidence, _rounds(kernel, data, _mode(evidence, data), chains=chains, seed=seed), each)

@@ -9,6 +9,7 @@ from .model import (
     KNOWN_PROPERTIES,
     Specimen,
     SpecimenNumber,
+    find_specimen,
     map_file,
     muscle_specimen,
     specimen,
@@ -18,6 +19,6 @@ from .model import (
 from .write import save_specimen, specimen_toml
 
 __all__ = [
-    "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "map_file", "muscle_specimen", "save_specimen", "specimen",
-    "specimen_ids", "specimen_toml", "specimens",
+    "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "find_specimen", "map_file", "muscle_specimen", "save_specimen",
+    "specimen", "specimen_ids", "specimen_toml", "specimens",
 ]  # fmt: skip

@@ -261,15 +261,15 @@ def specimen(name: str | os.PathLike[str], *, kinds: Sequence[str] = KINDS) -> S
     text = path_text(name, "specimen")
     if text.lower().endswith(".toml") or os.sep in text:
         return _read(read_text(text, field="specimen"), where=text)
-    if not os.environ.get(FOLDER_VARIABLE):
-        alone = _shipped(text.lower())
-        if alone is not None:
-            return alone
-    specimens_by_id = _by_id()
-    if text.lower() not in specimens_by_id:
-        known = [s.id for s in specimens_by_id.values() if s.kind in kinds]
+    if (one := find_specimen(text)) is None:
+        known = [s.id for s in specimens() if s.kind in kinds]
         raise InputError("specimen", text, "give a .toml file or one of", known=known)
-    return specimens_by_id[text.lower()]
+    return one
+
+
+def find_specimen(name: str) -> Specimen | None:
+    """The specimen of an id (any case), None if there is none; of the shipped ones no file but its own is read."""
+    return (None if os.environ.get(FOLDER_VARIABLE) else _shipped(name.lower())) or _by_id().get(name.lower())
 
 
 def muscle_specimen(name: str | os.PathLike[str]) -> Specimen:

@@ -88,20 +88,23 @@ def _configured_folder() -> Path | None:
 
 def load(file: str) -> tuple[bytes, Description] | None:
     """Content and description of a cached file; None if there is none, or it is damaged."""
-    folder = cache_folder()
-    if folder is None:
+    if (folder := cache_folder()) is None or (known := read(folder / file, private=True)) is None:
         return None
+    with contextlib.suppress(OSError):
+        os.utime(folder / file)  # used now
+    return known
+
+
+def read(path: Path, *, private: bool = False) -> tuple[bytes, Description] | None:
+    """Content and description of a file that `store` wrote; None if it is missing, damaged or not `private`."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
-        with open(folder / file, "rb") as stream:
-            if not is_private(stream.fileno()):
+        with open(path, "rb") as stream:
+            if private and not is_private(stream.fileno()):
                 return None
             whole = stream.read()
         if hashlib.sha256(whole[32:]).digest() == whole[:32]:
             size = int.from_bytes(whole[32:40], "little")
-            description = json.loads(whole[40 : 40 + size])
-            with contextlib.suppress(OSError):
-                os.utime(folder / file)  # used now
-            return whole[40 + size :], description
+            return whole[40 + size :], json.loads(whole[40 : 40 + size])
     return None
 
 
@@ -126,8 +129,7 @@ def store(file: str, data: bytes, description: Description) -> None:
 
 def load_or_make(file: str, make: Callable[[], tuple[bytes, Description]]) -> tuple[bytes, Description]:
     """Content and description of a cached file, created if there is none."""
-    known = load(file)
-    if known is not None:
+    if (known := load(file)) is not None:
         return known
     made = make()
     store(file, *made)
