@@ -11,11 +11,12 @@ from .model import (
     SpecimenNumber,
     map_file,
     muscle_specimen,
+    save_specimen,
     specimen,
     specimen_ids,
+    specimen_toml,
     specimens,
 )
-from .write import save_specimen, specimen_toml
 
 __all__ = [
     "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "map_file", "muscle_specimen", "save_specimen", "specimen",
