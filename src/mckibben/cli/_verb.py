@@ -37,7 +37,7 @@ from ._terminal import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from ..report.figures.page_charts import Figure
 
 SINGULAR = {"columns": "column", "units": "unit", "scales": "scale"}  # options with the words of all commands
 PAIRS = {

@@ -40,11 +40,10 @@ from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 from ._verb import show as show_answer
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
     from ..bench.prepare import PreparedRun
+    from ..report.figures.page_charts import Figure
     from ..studies.characterisation.verb import CharacterisationPlan
     from ..studies.circuits import CircuitDescription, CircuitResponse
     from ..studies.comparison import MuscleTable
