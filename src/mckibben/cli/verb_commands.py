@@ -18,7 +18,6 @@ import typer
 from .. import documents, specimens
 from .._version import __version__
 from ..errors import EmptyRunError, InputError, PlausibilityWarning, StageError
-from ..identification import circuit_fit as circuit_estimation
 from ..quantities import from_si, shown_unit
 from ..report.figures import (
     analysis_figures,
@@ -393,6 +392,12 @@ def _draw_circuit_response(answer: CircuitResponse) -> Figure:
     return analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff())
 
 
+def _circuit_evaluations(given: Mapping[str, Any]) -> int:
+    from ..identification.circuit_fit import EVALUATIONS
+
+    return EVALUATIONS
+
+
 circuit_show = VerbCommand(
     "studies.circuits:describe_circuit",
     STUDY,
@@ -436,7 +441,7 @@ circuit_fit = VerbCommand(
         "units": "tank.pressure=kPa",
     },
     draw=lambda answer: run_figures.overview(answer.fit, answer.trials, title=answer.title),
-    doing=("fitting", lambda given: circuit_estimation.EVALUATIONS),
+    doing=("fitting", _circuit_evaluations),
 )
 
 
