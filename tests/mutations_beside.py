@@ -224,7 +224,6 @@ SOFTWARE_TESTS = {
     "recordings/tables.py": "recordings/test_one_file_per_pressure.py recordings/test_table_of_cases.py",
     "specimens/parts.py": "studies/test_parts.py assembly/test_circuit_file.py",
     "specimens/published.py": "specimens/test_published_muscles.py",
-    "specimens/write.py": "specimens/test_bad_specimens.py test_code_in_files.py",
     "_jax.py": "test_lazy.py",
     "_lazy.py": "test_lazy.py test_public_names.py",
     "accessors.py": "test_lazy.py recordings/test_formats.py",

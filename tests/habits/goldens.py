@@ -397,8 +397,7 @@ def files() -> Kept:
     from mckibben.assembly.circuit_file import read_circuit
     from mckibben.bench.rig_file import rig, rig_names
     from mckibben.experiments.read import protocol, protocol_names, stimulation_protocol_names
-    from mckibben.specimens import specimens
-    from mckibben.specimens.write import specimen_toml
+    from mckibben.specimens import specimen_toml, specimens
 
     for one in specimens():
         yield f"specimen-{one.id}.toml", specimen_toml(one)

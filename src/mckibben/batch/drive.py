@@ -179,7 +179,13 @@ class ProcessTeam(WorkerTeam):
         spawn = multiprocessing.get_context("spawn")
         while waiting:
             others = set(multiprocessing.active_children())
-            pool = ProcessPoolExecutor(min(self.size, len(waiting)), mp_context=spawn, initializer=_quiet)
+            # Ctrl-C is for the process that waits for the workers
+            pool = ProcessPoolExecutor(
+                min(self.size, len(waiting)),
+                mp_context=spawn,
+                initializer=signal.signal,
+                initargs=(signal.SIGINT, signal.SIG_IGN),
+            )
             at_work: dict[Future[Results], tuple[VariantBlock, int]] = {}
             try:
                 while waiting or at_work:
@@ -293,11 +299,6 @@ def _deadly(block: VariantBlock) -> str:
         f"The workers that had variants {part.start} to {part.stop - 1} died, {ATTEMPTS} times; what other blocks gave is "
         "stored. Smaller blocks need less memory"
     )
-
-
-def _quiet() -> None:
-    """Ignore Ctrl-C in a worker; the process that waits for the workers handles it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def cores() -> int:

@@ -119,10 +119,12 @@ class CommandWithHelp(typer.core.TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of the command line, without those that every command takes."""
-        words, quiet = _without_quiet(_without_code(args))
-        if quiet:
+        args = _without_code(args)
+        end = args.index("--") if "--" in args else len(args)
+        words = [word for word in args[:end] if word not in QUIET]
+        if len(words) < end:
             _terminal.be_quiet()
-        rest: list[str] = super().parse_args(ctx, words)
+        rest: list[str] = super().parse_args(ctx, words + args[end:])
         return rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -166,12 +168,6 @@ class CommandWithHelp(typer.core.TyperCommand):
 def help_width() -> int:
     """Columns of a help text: those of the terminal, up to 100."""
     return max(40, min(shutil.get_terminal_size((80, 24)).columns, WIDEST))
-
-
-def _without_quiet(args: list[str]) -> tuple[list[str], bool]:
-    end = args.index("--") if "--" in args else len(args)
-    words = [word for word in args[:end] if word not in QUIET]
-    return words + args[end:], len(words) < end
 
 
 # ---- code of one's own

@@ -101,8 +101,17 @@ class OutputKinds:
                 kind, path = self.placed(path, field)
                 files[kind].append(path)
             yield OutputFiles(files, streamed)
-            if streamed is not None:
-                _print(streamed)
+            if streamed is None:
+                return
+            out = _terminal.stdout()
+            if hasattr(out, "buffer"):
+                out.flush()
+                with streamed.open("rb") as stream:
+                    shutil.copyfileobj(stream, out.buffer)
+            else:
+                out.write(streamed.read_text(encoding="utf-8"))
+            out.flush()
+            sys.stdout.flush()
 
     def placed(self, given: Path, field: str = "--out") -> tuple[str, Path]:
         """What is written to a path, and the path itself; ``figure:a.pdf`` names the kind where a suffix has two."""
@@ -203,15 +212,3 @@ def write_recording(recording: Recording, path: Path) -> None:
 
     for remark in write(recording, path):
         _terminal.note(f"{path}: {remark}")
-
-
-def _print(path: Path) -> None:
-    out = _terminal.stdout()
-    if hasattr(out, "buffer"):
-        out.flush()
-        with path.open("rb") as stream:
-            shutil.copyfileobj(stream, out.buffer)
-    else:
-        out.write(path.read_text(encoding="utf-8"))
-    out.flush()
-    sys.stdout.flush()

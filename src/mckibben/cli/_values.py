@@ -30,7 +30,7 @@ def specimens(*kinds: str) -> Iterator[tuple[str, str]]:
         PACKAGE / "specimens" / "data",
         *filter(None, os.environ.get("MCKIBBEN_SPECIMENS", "").split(os.pathsep)),
     ]
-    for table in _tables(folders):
+    for table in (read_toml(path) for folder in folders for path in sorted(Path(folder).glob("*.toml"))):
         if table.get("kind", "mckibben") in (kinds or ("mckibben", "biological")) and isinstance(table.get("id"), str):
             yield table["id"], str(table.get("title", ""))
 
@@ -55,7 +55,9 @@ def parts() -> Iterator[tuple[str, str]]:
 def laws() -> Iterator[tuple[str, str]]:
     """Names of the tension laws, those of installed packages too."""
     files = sorted((PACKAGE / "muscles" / "laws").glob("[a-z]*.py"))
-    yield from ((path.stem, _first_line(path)) for path in files)
+    for path in files:
+        with path.open(encoding="utf-8") as stream:
+            yield path.stem, stream.readline().strip().strip('"')
     yield from ((name, point.value) for name, point in registry.entry_points("mckibben.laws").items())
 
 
@@ -105,21 +107,12 @@ def _titles(folder: Path) -> Iterator[tuple[str, str]]:
     )
 
 
-def _tables(folders: Iterable[str | Path]) -> Iterator[dict[str, Any]]:
-    yield from (read_toml(path) for folder in folders for path in sorted(Path(folder).glob("*.toml")))
-
-
 def read_toml(path: Path) -> dict[str, JsonValue]:
     """The tables of a file; none if it cannot be read."""
     try:
         return parse_toml(path.read_text(encoding="utf-8"), where=str(path))
     except (OSError, ValueError):
         return {}
-
-
-def _first_line(path: Path) -> str:
-    with path.open(encoding="utf-8") as stream:
-        return stream.readline().strip().strip('"')
 
 
 # ---- kinds

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -17,6 +17,7 @@ from .. import verbs
 from ..answers import Answer, Table, named
 from ..citations import reference
 from ..errors import InputError
+from ..report.figures import style
 from . import _progress
 from ._outputs import OutputFiles, OutputKinds, Paths
 from ._terminal import (
@@ -34,6 +35,9 @@ from ._terminal import (
     table,
     writable,
 )
+
+if TYPE_CHECKING:
+    from ..report.figures.page_charts import Figure
 
 SINGULAR = {"columns": "column", "units": "unit", "scales": "scale"}  # options with the words of all commands
 PAIRS = {
@@ -77,7 +81,7 @@ class VerbCommand:
         options: names of options that differ from those of their parameters.
         shorthands: flags that stand for a value, by name.
         required: parameters that the command line wants stated, ``out`` too.
-        draw: draws the figure of an answer into a file.
+        draw: makes the figure of an answer.
         writes: what else ``--out`` takes, by its kind in `outputs`.
         written: options that name a file each.
         top: rows of rankings that are shown and written where ``--top`` states no other; 0 for all, without the option.
@@ -100,7 +104,7 @@ class VerbCommand:
     options: Mapping[str, str] = field(default_factory=dict)
     shorthands: Mapping[str, Shorthand] = field(default_factory=dict)
     required: tuple[str, ...] = ()
-    draw: Callable[[Any, Path], object] | None = None
+    draw: Callable[[Any], Figure] | None = None
     writes: Mapping[str, Callable[[Any, Path], object]] = field(default_factory=dict)
     written: Mapping[str, Written] = field(default_factory=dict)
     top: int = 0
@@ -201,7 +205,8 @@ class VerbCommand:
                 more_values = {} if self.from_files is None else self.from_files(values, files)
                 answer = self._answer(verb, values, more_values, as_json)
             expect_cautions(())  # the answer has those about typed values
-            draws = {} if self.draw is None else {"figure": self.draw}
+            draw = self.draw
+            draws = {} if draw is None else {"figure": lambda answer, path: style.save(draw(answer), path)}
             writes = self.writes if self.keep is not None else {**draws, **self.writes}
             written = self.keep is None or self.keep(answer, files)
             more: list[str] = []  # files that go with those that were named
@@ -214,7 +219,7 @@ class VerbCommand:
             failure = answer.failure()
             answer = answer if top is None else answer.first(top)
             content = answer.to_dict()
-            content["warnings"] = _each_once(*content.get("warnings", ()), *caution(*answer.cautions))
+            content["warnings"] = [*dict.fromkeys((*content.get("warnings", ()), *caution(*answer.cautions)))]
             if "recording" in self.outputs.kinds:
                 recorded = files.first("recording") if written else None
                 content["file"] = None if recorded is None else str(recorded)
@@ -230,8 +235,8 @@ class VerbCommand:
                 print_json(content)
             else:
                 show(answer, self._called)
-            for kind, draw in draws.items() if self.keep is not None and written else ():
-                files.write(kind, functools.partial(draw, answer))
+            for kind, write in draws.items() if self.keep is not None and written else ():
+                files.write(kind, functools.partial(write, answer))
             if not as_json:
                 files.say(None if written else "result")
                 named_paths = [str(path) for path in files.named()]
@@ -410,10 +415,6 @@ def _typed(verb: verbs.Description) -> Iterator[verbs.Parameter]:
     """What a person types of a verb; what has no kind of value is for Python alone."""
     for one in verb.parameters.values():
         yield from (part for part in one.parts or (one,) if part.type.word or part.flag)
-
-
-def _each_once(*values: Any) -> list[Any]:
-    return [one for i, one in enumerate(values) if one not in values[:i]]
 
 
 def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:

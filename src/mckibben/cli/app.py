@@ -325,7 +325,10 @@ def _execute(arguments: list[str] | None) -> Any:
         # The parser's own complaints; which module defines their class depends on typer's version.
         if not hasattr(error, "format_message"):
             raise
-        code = _usage(error)
+        if type(error).__name__ == "NoArgsIsHelpError":
+            typer.echo(error.format_message())
+            return 0
+        code = _complain(" ".join(f"{error.format_message()}{_meant(error)}".split()), 2)
     return code
 
 
@@ -357,13 +360,6 @@ def _keep_compilations() -> None:
             return
         os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder)
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.02")
-
-
-def _usage(error: Any) -> int:
-    if type(error).__name__ == "NoArgsIsHelpError":
-        typer.echo(error.format_message())
-        return 0
-    return _complain(" ".join(f"{error.format_message()}{_meant(error)}".split()), 2)
 
 
 def _meant(error: Any) -> str:

@@ -209,18 +209,13 @@ def _at_a_prompt(console: prompt_module.Console, muscle: str) -> None:
             continue
         except EOFError:
             return
-        _do(console, line)
-
-
-def _do(console: prompt_module.Console, line: str) -> None:
-    """Execute one command; an error is printed and the prompt returns."""
-    try:
-        with console.session.button.on_signals(), _bar(console, line):
-            answer = console.execute(line)
-    except (MckibbenError, OSError) as error:
-        typer.echo(f"mckibben: {_said(error)}", err=True)
-        answer = ""
-    _tell(console, answer)
+        try:
+            with console.session.button.on_signals(), _bar(console, line):
+                answer = console.execute(line)
+        except (MckibbenError, OSError) as error:
+            typer.echo(f"mckibben: {_said(error)}", err=True)
+            answer = ""
+        _tell(console, answer)
 
 
 @contextmanager

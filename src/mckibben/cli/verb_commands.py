@@ -15,7 +15,23 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from .. import documents, specimens
+from .._version import __version__
 from ..errors import EmptyRunError, InputError, PlausibilityWarning, StageError
+from ..quantities import from_si, shown_unit
+from ..report.figures import (
+    analysis_figures,
+    circuit_diagram,
+    comparison_figures,
+    control_figures,
+    energy_figures,
+    fit_figures,
+    muscle_figures,
+    recording_figures,
+    run_figures,
+    study_figures,
+)
+from ..studies import comparison, sizing, tube_study
 from . import _outputs, _progress
 from ._outputs import FIGURE, OBJECT, RECORDING, REPORT, SPECIMEN, TABLE, OutputFiles, OutputKinds, write_recording
 from ._terminal import CHANGE, ask_person, caution, print_json
@@ -23,23 +39,19 @@ from ._verb import Alternative, Shorthand, VerbCommand, VerbsCommand, Written
 from ._verb import show as show_answer
 
 if TYPE_CHECKING:
-    from ..analysis.energy import WorkingCycles
-    from ..analysis.energy_parts import EnergyAccount
     from ..analysis.frequency import ChannelResponse
     from ..analysis.repeatability import CourseRepeatability
     from ..bench.prepare import PreparedRun
-    from ..control.scores import ControlScores
-    from ..experiments.description import ProtocolDescription
+    from ..report.figures.page_charts import Figure
     from ..studies.characterisation.verb import CharacterisationPlan
-    from ..studies.circuits import CircuitDescription, CircuitRecording, CircuitResponse, FittedCircuit
+    from ..studies.circuits import CircuitDescription, CircuitResponse
     from ..studies.comparison import MuscleTable
     from ..studies.description import BraidDescription, MuscleDescription
-    from ..studies.fitting import FittedFriction, FittedTables
+    from ..studies.fitting import FittedTables
     from ..studies.joint_run import JointRecording
     from ..studies.next_measurement import NextMeasurement, NextReadings
     from ..studies.rig_run import RunPlan, RunRecording, StimulatedRecording
     from ..studies.sizing import Sizing
-    from ..studies.tube_study import TubeStudy
 
 ANSWERED = OutputKinds(table=TABLE, result=OBJECT)
 STUDY = OutputKinds(figure=FIGURE, result=OBJECT)
@@ -50,18 +62,10 @@ DRAWN = OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT)
 muscles = VerbCommand("studies.description:list_muscles", ANSWERED, ("muscles --out muscles.csv",))
 
 
-def _draw_law(answer: MuscleDescription, path: Path) -> None:
-    from ..report.figures import muscle_figures, style
-
+def _draw_law(answer: MuscleDescription) -> Figure:
     if answer.specimen.kind != "mckibben":
         raise InputError("--out", answer.specimen.id, "curves are drawn for McKibben muscles only")
-    style.save(muscle_figures.law_curves(answer.law, title=answer.specimen.title), path)
-
-
-def _save_shown(answer: MuscleDescription, path: Path) -> None:
-    from ..specimens import save_specimen
-
-    save_specimen(answer.specimen, path)
+    return muscle_figures.law_curves(answer.law, title=answer.specimen.title)
 
 
 show = VerbCommand(
@@ -69,7 +73,7 @@ show = VerbCommand(
     OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT, specimen=SPECIMEN),
     ("show nylon --out nylon.svg", "show nylon --data-sheet nylon.html"),
     draw=_draw_law,
-    writes={"specimen": _save_shown},
+    writes={"specimen": lambda answer, path: specimens.save_specimen(answer.specimen, path)},
     written={
         "data-sheet": Written(
             REPORT, "Write a data sheet on one page, in the terms of makers' sheets, into this .html or .pdf file.",
@@ -80,11 +84,8 @@ show = VerbCommand(
 
 
 def _save_braid(answer: BraidDescription, path: Path) -> None:
-    from .._version import __version__
-    from ..specimens import save_specimen
-
     heading = f"computed by mckibben {__version__} from the dimensions of a braid; not measured"
-    save_specimen(answer.specimen, path, heading=heading)
+    specimens.save_specimen(answer.specimen, path, heading=heading)
 
 
 def _name_of_braid(given: Mapping[str, Any], files: OutputFiles) -> dict[str, str]:
@@ -118,18 +119,12 @@ def _check_described(given: Mapping[str, Any], files: OutputFiles) -> None:
         raise InputError("--out", None, "is allowed only after the name of one")
 
 
-def _write_described(answer: ProtocolDescription, path: Path) -> None:
-    from ..documents import write_text
-
-    write_text(path, answer.toml.rstrip("\n") + "\n")
-
-
 protocols = VerbCommand(
     "experiments.description:describe_protocol",
     OutputKinds(protocol=SPECIMEN, result=OBJECT),
     ("protocols work-loop --set cycles=3 --out my.toml",),
     options={"changes": "set"},
-    writes={"protocol": _write_described},
+    writes={"protocol": lambda answer, path: documents.write_text(path, answer.toml.rstrip("\n") + "\n")},
     pairs={"changes": "pressure='1 bar, 3 bar'"},
     check=_check_described,
 )
@@ -146,50 +141,18 @@ tension = VerbCommand(
 )
 
 
-def _draw_cycles(answer: WorkingCycles, path: Path) -> None:
-    from ..report.figures import energy_figures, style
-
-    title = answer.specimen.title
-    lines = [energy_figures.EfficiencyLine(name, curve) for name, curve in answer.curves.items()]
-    loops = energy_figures.loops_figure
-    fig = energy_figures.efficiency_figure(lines, title=title) if lines else loops(answer.loops(), title=title)
-    style.save(fig, path)
-
-
 energy = VerbCommand(
     "analysis.energy.working_cycles:energy",
     OutputKinds(figure=FIGURE, table=TABLE, result=OBJECT),
     ("energy nylon --pressure '5 bar' --cycle maximal --curve --out efficiency.svg",),
     options={"cycles": "cycle", "stretched_length": "stretched", "curves": "curve", "parameters": "set"},
     shorthands={"no_friction": Shorthand("friction", "0 N", "Compute the cycles without friction.")},
-    draw=_draw_cycles,
+    draw=lambda answer: answer.plot().figure,
 )
 
 
-def _draw_sizing(answer: Sizing, path: Path) -> None:
-    from ..report.figures import sizing_figures, style
-
-    style.save(sizing_figures.design_map(answer, law=answer.law), path)
-
-
 def _save_sized(answer: Sizing, path: Path) -> None:
-    from .._version import __version__
-    from ..specimens import save_specimen
-
-    save_specimen(answer.to_specimen(), path, heading=f"sized by mckibben {__version__}; not measured")
-
-
-def _write_circuit(answer: Sizing, path: Path) -> None:
-    from ..documents import write_text
-    from ..studies.sizing import toml_of
-
-    write_text(path, toml_of(answer.to_circuit()))
-
-
-def _sizing_stages(given: Mapping[str, Any]) -> int:
-    from ..studies.sizing import stages
-
-    return stages(lines=bool(given["lines"]), speed="speed" in given)
+    specimens.save_specimen(answer.to_specimen(), path, heading=f"sized by mckibben {__version__}; not measured")
 
 
 size = VerbCommand(
@@ -198,17 +161,18 @@ size = VerbCommand(
     ("size --force '50 N' --stroke '3 cm' --pressure '5 bar' --cycles '1 Hz' --working-time '8 h' --out map.svg",),
     options={"rate": "cycles", "tube_length": "tube", "posterior": "from_posterior"},
     required=("stroke", "pressure"),
-    draw=_draw_sizing,
+    draw=lambda answer: answer.plot().figure,
     writes={"specimen": _save_sized},
     written={
         "circuit": Written(
-            (".toml",), "Write the chosen muscle, valve and tube as a circuit into this .toml file.", _write_circuit
+            (".toml",), "Write the chosen muscle, valve and tube as a circuit into this .toml file.",
+            lambda answer, path: documents.write_text(path, sizing.toml_of(answer.to_circuit())),
         )
     },
     top=5,
-    doing=("sizing", _sizing_stages),
+    doing=("sizing", lambda given: sizing.stages(lines=bool(given["lines"]), speed="speed" in given)),
     failed=2,
-)
+)  # fmt: skip
 
 
 diagnose = VerbCommand(
@@ -216,20 +180,15 @@ diagnose = VerbCommand(
 )
 
 
-def _draw_compared(answer: MuscleTable, path: Path) -> None:
-    from ..report.figures import comparison_figures, style
-
+def _draw_compared(answer: MuscleTable) -> Figure:
     if not answer.muscles:
         raise InputError("--out", None, "needs a specimen: a recording alone has no law to draw")
-    style.save(comparison_figures.table_figure(answer), path)
+    return comparison_figures.table_figure(answer)
 
 
 def _compare_stages(given: Mapping[str, Any]) -> int | None:
-    from ..specimens import muscle_specimen
-    from ..studies.comparison import stages
-
-    named = [muscle_specimen(name) for name in given.get("muscles", ())]
-    return stages(named, protocols=given["protocols"], match=given.get("match")) or None
+    named = [specimens.muscle_specimen(name) for name in given.get("muscles", ())]
+    return comparison.stages(named, protocols=given["protocols"], match=given.get("match")) or None
 
 
 compare = VerbCommand(
@@ -301,13 +260,11 @@ def _keep_run(answer: RunPlan | RunRecording | StimulatedRecording, files: Outpu
     return True
 
 
-def _draw_recorded(answer: RunRecording | StimulatedRecording, path: Path) -> None:
-    from ..report.figures import fit_figures, recording_figures, style
-
+def _draw_recorded(answer: RunRecording | StimulatedRecording) -> Figure:
     record, bands = answer.recording, getattr(answer, "predicted", None)
-    title = record.meta["title"]
-    figure = recording_figures.time_figure(record) if bands is None else fit_figures.run_bands(bands, title=title)
-    style.save(figure, path)
+    if bands is None:
+        return recording_figures.time_figure(record)
+    return fit_figures.run_bands(bands, title=record.meta["title"])
 
 
 def _code_of_run(answer: RunPlan | RunRecording) -> int:
@@ -406,9 +363,7 @@ characterise = VerbsCommand(
 TUBE = "elements.tube.length='2 m'"
 
 
-def _draw_circuit(answer: CircuitDescription, path: Path) -> None:
-    from ..report.figures import circuit_diagram, style
-
+def _draw_circuit(answer: CircuitDescription) -> Figure:
     plan = answer.plan
     room = float(plan.environment.pressure_abs)
     pressures = {name: start + room for name, start in plan.starts.items()}
@@ -418,17 +373,11 @@ def _draw_circuit(answer: CircuitDescription, path: Path) -> None:
         for name, n in plan.nodes.items()
         if n.needs_volume or n.law is not None
     }
-    style.save(circuit_diagram.draw(plan.circuit, title=plan.title, pressures=pressures, subtitles=said), path)
+    return circuit_diagram.draw(plan.circuit, title=plan.title, pressures=pressures, subtitles=said)
 
 
 def _write_recording(answer: Any, path: Path) -> None:
     write_recording(answer.recording, path)
-
-
-def _draw_run(answer: CircuitRecording, path: Path) -> None:
-    from ..report.figures import run_figures, style
-
-    style.save(run_figures.run_figure(answer.recording), path)
 
 
 @contextlib.contextmanager
@@ -437,18 +386,10 @@ def _circuit_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         yield {"progress": bar.at}
 
 
-def _draw_circuit_response(answer: CircuitResponse, path: Path) -> None:
-    from ..report.figures import analysis_figures, style
-
+def _draw_circuit_response(answer: CircuitResponse) -> Figure:
     about = f"about rest at {answer.about}" if answer.about else ""
     titles = analysis_figures.BodeTitles(f"{answer.title}: {answer.target} over {answer.source}", about, answer.unit)
-    style.save(analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff()), path)
-
-
-def _draw_circuit_fit(answer: FittedCircuit, path: Path) -> None:
-    from ..report.figures import run_figures, style
-
-    style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path)
+    return analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff())
 
 
 def _circuit_evaluations(given: Mapping[str, Any]) -> int:
@@ -471,7 +412,7 @@ circuit_run = VerbCommand(
     ("circuit run bench.toml --set elements.tube.length='2 m' --out bench.nc --out bench.svg",),
     options={"changes": "set"},
     pairs={"changes": TUBE},
-    draw=_draw_run,
+    draw=lambda answer: run_figures.run_figure(answer.recording),
     writes={"recording": _write_recording},
     around=_circuit_bar,
     failed=_progress.INTERRUPTED,
@@ -499,7 +440,7 @@ circuit_fit = VerbCommand(
         "columns": "tank.pressure=2",
         "units": "tank.pressure=kPa",
     },
-    draw=_draw_circuit_fit,
+    draw=lambda answer: run_figures.overview(answer.fit, answer.trials, title=answer.title),
     doing=("fitting", _circuit_evaluations),
 )
 
@@ -507,11 +448,9 @@ circuit_fit = VerbCommand(
 # ---- joint and sweep
 
 
-def _draw_joint(answer: JointRecording, path: Path) -> None:
-    from ..report.figures import recording_figures, run_figures, style
-
+def _draw_joint(answer: JointRecording) -> Figure:
     draw = run_figures.joint_figure if answer.controlled else recording_figures.time_figure
-    style.save(draw(answer.recording), path)
+    return draw(answer.recording)
 
 
 @contextlib.contextmanager
@@ -532,12 +471,6 @@ joint = VerbCommand(
 )
 
 
-def _draw_control(answer: ControlScores, path: Path) -> None:
-    from ..report.figures import control_figures, style
-
-    style.save(control_figures.control_figure(answer), path)
-
-
 @contextlib.contextmanager
 def _control_bar(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     with _progress.progress("controllers", 1.0) as bar:
@@ -549,7 +482,7 @@ control = VerbCommand(
     DRAWN,
     ("control --controller memory-inverse,mpc --bench B1 --reference R2 --plants 2 --out control.svg",),
     options={"controller": "controller"},
-    draw=_draw_control,
+    draw=lambda answer: control_figures.control_figure(answer),
     around=_control_bar,
 )
 
@@ -583,17 +516,9 @@ sweep = VerbCommand(
 # ---- fits
 
 
-def _draw_fits(answer: FittedTables, path: Path) -> None:
-    from ..report.figures import fit_figures, style
-
+def _draw_fits(answer: FittedTables) -> Figure:
     bands = answer.bands()
-    style.save(fit_figures.overview(answer.rankings) if bands is None else fit_figures.bands(bands), path)
-
-
-def _draw_loop(answer: FittedFriction, path: Path) -> None:
-    from ..report.figures import fit_figures, style
-
-    style.save(fit_figures.loop_bands(answer.fit, answer.samples), path)
+    return fit_figures.overview(answer.rankings) if bands is None else fit_figures.bands(bands)
 
 
 def _save_fits(answer: FittedTables, path: Path) -> str:
@@ -643,7 +568,7 @@ fit_friction = VerbCommand(
     DRAWN,
     ("fit loop.csv --friction dahl",),
     options={"model": "friction", "known": "set"},
-    draw=_draw_loop,
+    draw=lambda answer: fit_figures.loop_bands(answer.fit, answer.samples),
 )
 fit_printed = VerbCommand("identification.constraints:fit_printed", ANSWERED, ("fit printed.toml",))
 fit = VerbsCommand(
@@ -660,12 +585,11 @@ fit = VerbsCommand(
 
 
 def _write_protocol(answer: NextMeasurement | NextReadings, path: Path) -> None:
-    from ..documents import write_text
     from ..studies.next_measurement import NextReadings
 
     if isinstance(answer, NextReadings):
         raise InputError("--out", str(path), "is a protocol, which is made of a fit only: give a table or a result")
-    write_text(path, answer.chosen.protocol())
+    documents.write_text(path, answer.chosen.protocol())
 
 
 next_measurement = VerbCommand(
@@ -686,29 +610,17 @@ next_measurement = VerbCommand(
 TIMES = {"start": "from", "end": "to"}
 
 
-def _draw_account(answer: EnergyAccount, path: Path) -> None:
-    from ..report.figures import energy_figures, style
-
-    title = {"title": answer.title} if answer.title else {}
-    style.save(energy_figures.energy_flow_figure(answer, **title), path)
-
-
-def _draw_response(answer: ChannelResponse, path: Path) -> None:
-    from ..report.figures import analysis_figures, style
-
+def _draw_response(answer: ChannelResponse) -> Figure:
     titles = analysis_figures.BodeTitles(f"{answer.target} over {answer.source}", answer.title, answer.unit)
-    style.save(analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff()), path)
+    return analysis_figures.bode_figure(answer.response, titles, cutoff=answer.response.cutoff())
 
 
-def _draw_courses(answer: CourseRepeatability, path: Path) -> None:
-    from ..quantities import from_si, shown_unit
-    from ..report.figures import analysis_figures, style
-
+def _draw_courses(answer: CourseRepeatability) -> Figure:
     shown = shown_unit(answer.unit)
     scaled = answer.compared._replace(courses=from_si(1.0, answer.unit, shown) * answer.compared.courses)
     channel = f"{answer.channel.replace('.', ' ').replace('_', ' ').capitalize()}, {shown}"
     over = "Phase of the cycle" if answer.each == "cycle" else "Time, s"
-    style.save(analysis_figures.repeatability_figure(scaled, title=answer.title, channel=channel, over=over), path)
+    return analysis_figures.repeatability_figure(scaled, title=answer.title, channel=channel, over=over)
 
 
 read = VerbCommand(
@@ -723,7 +635,7 @@ record_energy = VerbCommand(
     DRAWN,
     ("record energy loop.nc --out energy.svg",),
     options=TIMES,
-    draw=_draw_account,
+    draw=lambda answer: energy_figures.energy_flow_figure(answer, **({"title": answer.title} if answer.title else {})),
 )
 record_frequency = VerbCommand(
     "analysis.frequency:channel_response",
@@ -782,22 +694,16 @@ calibrate_apply = VerbCommand(
 # ---- studies
 
 
-def _draw_tube(answer: TubeStudy, path: Path) -> None:
-    from ..report.figures import study_figures, style
-
-    style.save(study_figures.tube_figure(answer), path)
-
-
 def _tube_stages(given: Mapping[str, Any]) -> int:
-    from ..studies.tube_study import QUICK_SEEDS, QUICK_THERMALS, stages
-
-    return stages(seeds=QUICK_SEEDS, thermals=QUICK_THERMALS) if given["quick"] else stages()
+    if not given["quick"]:
+        return tube_study.stages()
+    return tube_study.stages(seeds=tube_study.QUICK_SEEDS, thermals=tube_study.QUICK_THERMALS)
 
 
 study_tube = VerbCommand(
     "studies.tube_study:tube_study",
     STUDY,
     ("study tube --quick --out tube.svg",),
-    draw=_draw_tube,
+    draw=lambda answer: study_figures.tube_figure(answer),
     doing=("tube study", _tube_stages),
 )

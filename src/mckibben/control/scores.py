@@ -332,7 +332,11 @@ def score(
         for name, make in makers.items():
             if progress is not None:
                 progress(done, total)
-            made = _made(make, task, name)
+            made = make(task)
+            if not isinstance(made, Controller):
+                raise InputError(
+                    "controller", name, "must have reset(measured, window), step(measured, window) and preview"
+                )
             said += getattr(made, "cautions", ())  # of those that ship, perhaps with one's own numbers
             results[name][plant.name] = run_controller(made, machine, task, course, seed=seed, duration=seconds)
             done += 1
@@ -385,10 +389,3 @@ def _makers(controller: Any) -> dict[str, Callable[[ControlTask], Controller]]:
     if not makers:
         raise InputError("controller", None, f"must be one name or more of {', '.join(CONTROLLERS)}")
     return makers
-
-
-def _made(make: Callable[[ControlTask], Controller], task: ControlTask, name: str) -> Controller:
-    made = make(task)
-    if not isinstance(made, Controller):
-        raise InputError("controller", name, "must have reset(measured, window), step(measured, window) and preview")
-    return made

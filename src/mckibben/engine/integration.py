@@ -341,13 +341,9 @@ def _along(system: System, kept: Any, signals: Mapping[str, Signal], period: flo
     def pick(tree: Tree) -> Tree:
         return map_leaves(lambda x: np.asarray(x)[at], tree)
 
-    inputs = {n: _values_at(s, at, period) for n, s in signals.items()}
+    stacked = {n: [signal.at(i, 0.0, period) for i in at] for n, signal in signals.items()}
+    inputs = {n: map_leaves(lambda *x: np.stack([np.asarray(v) for v in x]), *some) for n, some in stacked.items()}
     return fastest_rate(system, pick(kept[0]), pick(kept[1]), inputs)
-
-
-def _values_at(signal: Signal, samples: np.ndarray, period: float) -> Any:
-    """Values of a signal at some samples, along the first axis."""
-    return map_leaves(lambda *x: np.stack([np.asarray(v) for v in x]), *(signal.at(i, 0.0, period) for i in samples))
 
 
 def _judge(system: System, carry: Tree, kept: Any, fastest: float, h: float, stiff: bool) -> tuple[Result, str]:

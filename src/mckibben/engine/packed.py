@@ -70,7 +70,11 @@ class Packed:
         vectors = [layout.pack(example) for layout, example in zip(inputs, examples, strict=True)]
         made = compile_function(functools.partial(_of_vectors, function, inputs), *vectors, title="a sample")
         described = compile_function(functools.partial(_described, function, inputs), *vectors, title="a sample")
-        self._outs = [_layout(tree) for tree in described(*vectors)]
+        kinds: dict[int, str] = {np.dtype(kind).num: np.dtype(kind).str for kind in np.typecodes["AllInteger"] + "d?"}
+        self._outs: list[Layout] = []
+        for leaves, structure in map(flatten, described(*vectors)):
+            shapes = tuple(tuple(map(int, leaf[1:])) for leaf in leaves)
+            self._outs.append(Layout(structure, shapes, tuple(kinds[int(leaf[0])] for leaf in leaves)))
         self._kernel = None if made.engine == "xla" else made.program
         if self._kernel is None:
             flat = functools.partial(_of_vectors, function, inputs)
@@ -124,14 +128,6 @@ def _described(function: Callable[..., tuple[Any, ...]], inputs: tuple[Layout, .
     """The results of a function, each leaf as number of its type and its shape: found again on disk, it needs no tracing."""
     trees = function(*(layout.unpack(v) for layout, v in zip(inputs, vectors, strict=True)))
     return tuple(map_leaves(lambda leaf: np.array([jnp.asarray(leaf).dtype.num, *np.shape(leaf)]), t) for t in trees)
-
-
-def _layout(described: Any) -> Layout:
-    """The layout of a result of `_described`."""
-    leaves, structure = flatten(described)
-    kinds: dict[int, str] = {np.dtype(kind).num: np.dtype(kind).str for kind in np.typecodes["AllInteger"] + "d?"}
-    shapes = tuple(tuple(map(int, leaf[1:])) for leaf in leaves)
-    return Layout(structure, shapes, tuple(kinds[int(leaf[0])] for leaf in leaves))
 
 
 def _packed(tree: Tree) -> Tree:

@@ -12,7 +12,7 @@ from ..answers import brief
 from ..errors import InputError, compose_sentence
 from ..quantities import told_apart
 from .amounts import read_amount
-from .commands import Deferred, Follow, Reach
+from .commands import Follow, Reach
 from .protocol import PlannedStep, Protocol, ProtocolPlan, case_words
 from .waveforms import time_words
 from .waveforms.waveform import words
@@ -265,7 +265,12 @@ def _check_motion(
     if np.isfinite(reach.low) and reach.low < low - 1e-6:
         yield _beyond("span", "m", reach.low, low, "the rig allows {} or more")
     if not isinstance(step.motor, np.ndarray):
-        yield from _uncertain(step, step.motor, limits, estimate)
+        line = step.motor
+        if step.mode == "span" and line.to is not None and line.seconds is not None:
+            # a ramp from an unknown start is judged by the fastest case
+            far = max(abs(line.to - x) for x in _starts(step, limits, estimate))
+            if far / line.seconds > limits.speed * SLACK:
+                yield _beyond("speed", "m/s", far / line.seconds, limits.speed, "the motor allows up to {}")
         return
     velocity = step.motor
     if step.mode == "span":
@@ -286,15 +291,6 @@ def _check_motion(
     hardest = float(change.max(initial=0.0))
     if hardest > limits.acceleration * SLACK:
         yield _beyond("acceleration", "m/s^2", hardest, limits.acceleration, "the motor allows up to {}")
-
-
-def _uncertain(step: PlannedStep, line: Deferred, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:
-    """Check a ramp from an unknown start by the fastest case."""
-    if step.mode != "span" or line.to is None or line.seconds is None:
-        return
-    far = max(abs(line.to - x) for x in _starts(step, limits, estimate))
-    if far / line.seconds > limits.speed * SLACK:
-        yield _beyond("speed", "m/s", far / line.seconds, limits.speed, "the motor allows up to {}")
 
 
 def _check_tension_control(step: PlannedStep, limits: Limits, estimate: Estimate | None) -> Iterator[Violation]:

@@ -329,17 +329,12 @@ def _parameter(name: str, fit: Fit) -> TableRow:
     half = 0.5 * (high - low) if math.isfinite(high - low) else math.inf
     text, spread = value_and_half(value, half)
     meaning = (f"{q.doc} ", Span(name, "code"))
-    return TableRow(
-        (_symbol(q.symbol, name), meaning, TableCell(text, "best"), spread, unit_text(unit), _whisker(value, half))
-    )
-
-
-def _whisker(value: float, half: float) -> Gauge | str:
-    if not (value and math.isfinite(half)):
-        return "–"
-    share = half / abs(value)
-    label = f"half-width {100.0 * share:.3g} % of the value"
-    return Gauge(label, 0.0, whisker=(-2.0 * share, 2.0 * share), ruled=(-1.0, 0.0, 1.0))
+    whisker: Gauge | str = "–"
+    if value and math.isfinite(half):
+        share = half / abs(value)
+        label = f"half-width {100.0 * share:.3g} % of the value"
+        whisker = Gauge(label, 0.0, whisker=(-2.0 * share, 2.0 * share), ruled=(-1.0, 0.0, 1.0))
+    return TableRow((_symbol(q.symbol, name), meaning, TableCell(text, "best"), spread, unit_text(unit), whisker))
 
 
 def value_and_half(value: float, half: float) -> tuple[str, str]:

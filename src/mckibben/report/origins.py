@@ -87,7 +87,9 @@ def inferred_inputs(meta: Mapping[str, JsonValue]) -> list[InferredInput]:
             if printed.range is not None:
                 ends = " to ".join(significant(v) for v in printed.range)
                 note = "; ".join(filter(None, (note, f"plausible {tied(ends, printed.unit)}")))
-            inputs.append(InferredInput(name, f"specimen {meta.get('specimen')}", _printed(printed), note))
+            values = printed.value if isinstance(printed.value, list) else [printed.value]
+            said = tied(", ".join(significant(float(v)) for v in values), printed.unit)
+            inputs.append(InferredInput(name, f"specimen {meta.get('specimen')}", said, note))
         elif stated is not None:
             said = "; ".join(minus(f"{n} {text}".strip()) for n, text in flat(stated))
             inputs.append(InferredInput(name, f"rig {meta.get('rig')}", said, ""))
@@ -177,11 +179,6 @@ def _walk(table: Any, name: str) -> Any:
     for word in name.split("."):
         table = mapping(table).get(word)
     return table
-
-
-def _printed(one: SpecimenNumber) -> str:
-    values = one.value if isinstance(one.value, list) else [one.value]
-    return tied(", ".join(significant(float(v)) for v in values), one.unit)
 
 
 def _value(value: Any, unit: str) -> str:

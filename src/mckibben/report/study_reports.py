@@ -126,11 +126,19 @@ def _result(found: Characterisation) -> list[Block]:
     share = f"{100.0 * found.held_out_error:.2g}\N{NO-BREAK SPACE}%"
     words = f"The law {title} with friction predicts {len(evaluation.held_out)} held-out points to {share} rms of the "
     words += f"largest tension, {_words(evaluation.largest, 'N', 3)}. A predicted tension is known to ±{half} (95 %)."
+    seat, leak = evaluation.seat, evaluation.leak
+    taut, lost = "not up to 2 % longer", "not tested: the plumbing has no shut-off valve"
+    if math.isfinite(seat.value):
+        taut = f"{_words(seat.value, 'm')} ({_words(seat.low, 'm')} to {_words(seat.high, 'm')})"
+    if leak is not None:
+        low, high = (f"{100.0 * v:.2g}" for v in (leak.low, leak.high))
+        lost = f"{100.0 * leak.value:.2g} % of the pressure per second, shut off ({low} to {high} %)"
+        lost = lost.replace("-", "\N{MINUS SIGN}")
     facts = [
         ("Rest length", _words(found.bounds.rest_length, "m")),
-        ("Taut, vented", _seat(found)),
+        ("Taut, vented", taut),
         ("Span less length of the muscle", " to ".join(_words(by, "m", 2) for by in evaluation.clamp)),
-        ("Leak", _leak(found)),
+        ("Leak", lost),
         ("Measured pressures", " to ".join(_words(p, "Pa", 3) for p in found.measured_pressures)),
         ("Measured lengths", " to ".join(_words(end, "m", 3) for end in evaluation.lengths)),
         ("A loop again at the end", _again(found)),
@@ -151,13 +159,6 @@ def _result(found: Characterisation) -> list[Block]:
     ]
 
 
-def _seat(found: Characterisation) -> str:
-    seat = found.evaluation.seat
-    if not math.isfinite(seat.value):
-        return "not up to 2 % longer"
-    return f"{_words(seat.value, 'm')} ({_words(seat.low, 'm')} to {_words(seat.high, 'm')})"
-
-
 def _again(found: Characterisation) -> str:
     change = found.evaluation.gain_change
     if not math.isfinite(change.value):
@@ -166,14 +167,6 @@ def _again(found: Characterisation) -> str:
     value, low, high = (end.replace("-", "−") for end in ends)
     hidden = "" if found.tells_gain else ": too uncertain to tell a gain that drifts, since the muscle relaxes too much"
     return f"tensions changed by {value} % ({low} to {high} %){hidden}"
-
-
-def _leak(found: Characterisation) -> str:
-    leak = found.evaluation.leak
-    if leak is None:
-        return "not tested: the plumbing has no shut-off valve"
-    low, high = (f"{100.0 * v:.2g}" for v in (leak.low, leak.high))
-    return f"{100.0 * leak.value:.2g} % of the pressure per second, shut off ({low} to {high} %)".replace("-", "−")
 
 
 def _prediction(found: Characterisation) -> list[Block]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from .._jax import Tree
 from ..answers import Caution, brief, collect
 from ..assembly.build import (
     INFERRED,
@@ -131,13 +130,17 @@ class Air(Stated):
         if not supply >= vacuum:
             problem = f"must be a gauge pressure of vacuum, {with_unit(vacuum, 'Pa')}, or more"
             raise InputError("supply", with_unit(supply, "Pa"), problem)
+        heat = self.heat
+        if not (heat is None or isinstance(heat, HeatModel)):
+            heat = WallHeat(conductance=self.si("heat"), wall_temperature=room.temperature)
         line = AirLine(
             valve=valve,
             tube=self._tube(room),
-            heat=self._heat(room),
+            heat=heat,
             port_volume=None if self.port_volume is None else self.si("port_volume"),
         )
         circuit = circuit_for(units, supply=supply, line=line, environment=room)
+        named = published_valve(self.valve) if isinstance(self.valve, str) else type(self.valve).__name__
         unit = valve.command_unit
         meaning = "gauge pressure asked of the valve of" if unit == "Pa" else "command of the valve of"
         return AirCircuit(
@@ -158,7 +161,7 @@ class Air(Stated):
             begins={},
             settles={name: name for name in units} if unit == "Pa" else {},
             environment=room,
-            document=self._document(supply),
+            document={"supply": with_unit(supply, "Pa"), "valve": named},
             assumptions=self._assumptions(),
             cautions=self._cautions(supply),
         )
@@ -226,15 +229,6 @@ class Air(Stated):
         tube = build_element("lumped_tube", sizes, where="tube")
         assert isinstance(tube, LumpedTube)
         return tube.replace(wall_temperature=room.temperature)
-
-    def _heat(self, room: Environment) -> HeatModel | None:
-        if self.heat is None or isinstance(self.heat, HeatModel):
-            return self.heat
-        return WallHeat(conductance=self.si("heat"), wall_temperature=room.temperature)
-
-    def _document(self, supply: float) -> dict[str, Tree]:
-        valve = published_valve(self.valve) if isinstance(self.valve, str) else type(self.valve).__name__
-        return {"supply": with_unit(supply, "Pa"), "valve": valve}
 
 
 def published_valve(name: str) -> str:

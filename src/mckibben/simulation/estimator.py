@@ -165,6 +165,9 @@ class Estimator:
         simulation = self.simulation
         drives = {d.command: d.unit for d in simulation.system.drives(simulation.units) if d.unit in LOADS}
         names = [unknown] if isinstance(unknown, str) else list(unknown)
+        # the largest tension of a muscle where it is mounted, at a usual pressure [N]
+        mounted = simulation.system.spans(simulation.units)
+        strongest = max(float(unit.law.tension(mounted[name], FULL)) for name, unit in simulation.units.items())
         loads: dict[str, float] = {}
         for name in names:
             meant = [*drives] if name == "load" else [name]
@@ -174,18 +177,13 @@ class Estimator:
                 if one not in drives:
                     raise InputError("unknown", one, known=["load", *drives])
                 stated = unknown[name] if isinstance(unknown, Mapping) else None
-                pull = max(map(self._pull, simulation.units)) * (1.0 if drives[one] == "N" else ARM)
+                pull = strongest * (1.0 if drives[one] == "N" else ARM)
                 loads[one] = LOAD * pull if stated is None else in_si(stated, drives[one], f"size of {one}")
                 if not loads[one] > 0.0:
                     raise InputError("unknown", one, "must have a standard deviation above zero")
                 ends = LOADED[0] * pull, LOADED[1] * pull
                 said.append(size_caution(loads[one] if stated is None else stated, drives[one], name=one, usual=ends))
         return loads
-
-    def _pull(self, muscle: str) -> float:
-        """Tension of a muscle where it is mounted, at a usual pressure [N]."""
-        law = self.simulation.units[muscle].law
-        return float(law.tension(self.simulation.system.spans(self.simulation.units)[muscle], FULL))
 
     def _muscles(self, said: list[Caution]) -> dict[str, float]:
         """By how much the lanes' muscles differ, as their specimens say: in what the pull by the gas depends on most."""

@@ -93,11 +93,9 @@ class SampledModel(Answer):
         """Eigenvalues as rates [1/s], the slowest first; without those at zero that dead time has on the sample clock."""
         values = np.linalg.eigvals(self.A).astype(complex)
         # a chain of n samples of dead time has its n eigenvalues within the n-th root of rounding about zero
-        rates = np.log(values[np.abs(values) > self._least_eigenvalue()]) / self.period
+        chain = max(2, sum(name.startswith("past ") for name in self.states) + 1)
+        rates = np.log(values[np.abs(values) > np.finfo(float).eps ** (1.0 / chain)]) / self.period
         return np.asarray(rates[np.argsort(np.abs(rates))])
-
-    def _least_eigenvalue(self) -> float:
-        return float(np.finfo(float).eps ** (1.0 / max(2, sum(name.startswith("past ") for name in self.states) + 1)))
 
     def modes(self, slowest: float = 1e-3) -> list[Mode]:
         """The modes faster than `slowest` [1/s], a complex pair once, the slowest first."""

@@ -251,7 +251,10 @@ class Simulation(SteppedSimulation):
                     self.check_command(name, value)
                 buffer[place] = value
         except (KeyError, TypeError, ValueError):
-            self._set_checked(commands)
+            for name, value in commands.items():
+                place, number = self._place(name), in_si(value, self._unit(name), name)
+                self.check_command(name, number)
+                buffer[place] = number
         self._log += buffer.tolist()
         self._kernel.step()
         self._sample += 1
@@ -492,11 +495,6 @@ class Simulation(SteppedSimulation):
             self._rests[key] = carry, self.programs.observe(self.parameters, carry)
         return self._rests[key]
 
-    def _start_of(self, node: str, starts: Mapping[str, float]) -> float:
-        """Absolute pressure of a chamber at the start [Pa]."""
-        ambient = float(self.machine.environment.pressure_abs)
-        return ambient + starts.get(self.air.feeding.get(node, node), self.air.starts.get(node, 0.0))
-
     def _pressures(self, pressure: StartPressure | None) -> dict[str, float]:
         starts = dict(self._start_pressures)
         if pressure is None:
@@ -514,7 +512,10 @@ class Simulation(SteppedSimulation):
 
     def _carry(self, starts: Mapping[str, float], commands: Mapping[str, float]) -> Any:
         """State, memory and past commands at rest."""
-        pressures = {node: self._start_of(node, starts) for node in self.machine.circuit.chambers}
+        own, feeding = self.air.starts, self.air.feeding
+        room = float(self.machine.environment.pressure_abs)
+        nodes = self.machine.circuit.chambers
+        pressures = {node: room + starts.get(feeding.get(node, node), own.get(node, 0.0)) for node in nodes}
         return rest_carry(self.plant, pressures, commands, self.depth)
 
     def _unit(self, command: str) -> str:
@@ -524,12 +525,6 @@ class Simulation(SteppedSimulation):
         if name not in self.command_entries:
             raise InputError("command", name, known=self.commands)
         return self.command_entries[name][0]
-
-    def _set_checked(self, commands: Mapping[str, JsonValue]) -> None:
-        for name, value in commands.items():
-            place, number = self._place(name), in_si(value, self._unit(name), name)
-            self.check_command(name, number)
-            self._buffer[place] = number
 
     @functools.cached_property
     def command_entries(self) -> dict[str, tuple[int, float, float]]:

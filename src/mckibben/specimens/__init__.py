@@ -12,11 +12,12 @@ from .model import (
     find_specimen,
     map_file,
     muscle_specimen,
+    save_specimen,
     specimen,
     specimen_ids,
+    specimen_toml,
     specimens,
 )
-from .write import save_specimen, specimen_toml
 
 __all__ = [
     "KNOWN_PROPERTIES", "Specimen", "SpecimenNumber", "find_specimen", "map_file", "muscle_specimen", "save_specimen",

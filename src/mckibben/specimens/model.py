@@ -1,4 +1,4 @@
-"""Specimen files: what they hold, and how they are found and read."""
+"""Specimen files: what they hold, and how they are found, read and written."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import recordings
-from ..documents import JsonValue, parse_toml, path_text, read_text
+from ..documents import JsonValue, parse_toml, path_text, read_text, write_text
 from ..errors import InputError, not_found
 from ..quantities import to_si
 from ..registry import with_own_references
@@ -366,3 +366,51 @@ def _read(text: str, *, where: str) -> Specimen:
                     name, str(stated.value), "must be one share of the largest tension, not negative"
                 )
     return one
+
+
+# ---- written
+
+
+def specimen_toml(spec: Specimen, *, heading: str = "") -> str:
+    """The text of a specimen's file; `specimen` reads it back.
+
+    Args:
+        spec: any specimen.
+        heading: comment above it.
+    """
+    import tomlkit
+
+    out = tomlkit.document()
+    if heading:
+        out.add(tomlkit.comment(heading))
+    for name in ("schema", "id", "kind", "title", "sources", "law", "element", "note", "map"):
+        if (value := getattr(spec, name)) not in ("", None):
+            out[name] = value
+    groups = {"properties": spec.properties, "valve": spec.valve, "between": spec.between, "residual": spec.residual}
+    for name, group in groups.items():
+        if group:
+            out[name] = _lines(group)
+    for name, several in (("laws", spec.laws), ("errors", spec.errors), ("friction", spec.friction)):
+        if several:
+            table = tomlkit.table(is_super_table=True)
+            for kind, group in several.items():
+                table[kind] = _lines(group)
+            out[name] = table
+    return tomlkit.dumps(out)
+
+
+def save_specimen(spec: Specimen, path: str | os.PathLike[str], *, heading: str = "") -> None:
+    """Write a specimen's file, whole or not at all."""
+    write_text(path, specimen_toml(spec, heading=heading))
+
+
+def _lines(group: dict[str, SpecimenNumber]) -> Any:
+    """One line for each number."""
+    import tomlkit
+
+    table = tomlkit.table()
+    for key, number in group.items():
+        entry = tomlkit.inline_table()
+        entry.update(write_table(number))
+        table[key] = entry
+    return table

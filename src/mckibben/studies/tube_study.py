@@ -395,10 +395,6 @@ def together(verdicts: list[str]) -> str:
     return verdicts[0] if len(same) == 1 else PARTLY
 
 
-def _graded(ratio: float) -> str:
-    return HELD if ratio >= LIMITS["better"] else PARTLY if ratio >= LIMITS["a little"] else NOT
-
-
 def rising_speeds(study: TubeStudy, thermal: str) -> Numbers:
     """Ratio of the rates of rise of the fitted linear model and the reference, at the reference's pressures.
 
@@ -437,7 +433,9 @@ def _linear(study: TubeStudy, thermal: str) -> tuple[str, Numbers]:
 
 def _quadratic(study: TubeStudy, thermal: str) -> tuple[str, Numbers]:
     linear, quadratic = (study.result(thermal, m, LARGE).rms for m in ("linear", "quadratic"))
-    return _graded(linear / quadratic), {"rms_linear": linear, "rms_quadratic": quadratic, "ratio": linear / quadratic}
+    ratio = linear / quadratic
+    verdict = HELD if ratio >= LIMITS["better"] else PARTLY if ratio >= LIMITS["a little"] else NOT
+    return verdict, {"rms_linear": linear, "rms_quadratic": quadratic, "ratio": ratio}
 
 
 def _shifts(study: TubeStudy, thermal: str, model: str) -> Numbers:

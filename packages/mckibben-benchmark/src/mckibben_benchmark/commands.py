@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mckibben._version import __version__
 from mckibben.cli._outputs import FIGURE, OBJECT, OutputKinds
@@ -18,10 +17,6 @@ if TYPE_CHECKING:
     from .validation import Validation
 
 
-def _benchmark_stages(given: Mapping[str, Any]) -> int:
-    return run.stages(given.get("models", ()), given.get("tasks", ()), competitors=bool(given["competitors"]))
-
-
 run_benchmark = VerbsCommand(
     VerbCommand(
         "mckibben_benchmark.run:benchmark",
@@ -29,7 +24,12 @@ run_benchmark = VerbsCommand(
         ("benchmark --task map-above-4-bar --model ideal",),
         options={"models": "model", "tasks": "task", "folder": "data", "competitors": "all"},
         writes={"page": lambda answer, path: write_text(path, page.page(answer, version=__version__))},
-        doing=("benchmark", _benchmark_stages),
+        doing=(
+            "benchmark",
+            lambda given: run.stages(
+                given.get("models", ()), given.get("tasks", ()), competitors=bool(given["competitors"])
+            ),
+        ),
     ),
     (
         Alternative(
@@ -60,7 +60,7 @@ study_robot = VerbCommand(
     STUDY,
     ("study robot 0p02_knee_80psi 0p06_65psi --predict 0p09_65psi --out robot.svg",),
     required=("trials",),
-    draw=lambda answer, path: style.save(run_figures.overview(answer.fit, answer.trials, title=answer.title), path),
+    draw=lambda answer: run_figures.overview(answer.fit, answer.trials, title=answer.title),
     doing=("fitting", lambda given: None if given["each"] else int(given["evaluations"])),
 )
 study_loops = VerbCommand(
@@ -68,7 +68,7 @@ study_loops = VerbCommand(
     STUDY,
     ("study loops dmsp_10_250_hysteresis --out loops.svg",),
     options={"frictions": "friction"},
-    draw=lambda answer, path: style.save(figures.loop_study_figure(answer), path),
+    draw=lambda answer: figures.loop_study_figure(answer),
     doing=("loops", lambda given: muscle_loops.STAGES),
 )
 study_validation = VerbCommand(

@@ -475,7 +475,7 @@ class _Recurrent:
         shapes = self.shapes(inputs.shape[-1], targets.shape[-1])
         draw = np.random.default_rng(0)
         start = {n: np.asarray(draw.standard_normal(s) / np.sqrt(s[0]), np.float32) for n, s in shapes.items()}
-        start |= {n: np.zeros(s[-1], np.float32) for n, s in _biases(shapes).items()}
+        start |= {f"{n}_bias": np.zeros(s[-1], np.float32) for n, s in shapes.items() if n != "past"}
         data = tuple(np.asarray(v, np.float32) for v in (inputs, np.nan_to_num(targets), first))
         learn = jax.jit(self._learn)
         _, errors = learn(start, *data, _shares(shown & ~aside), _shares(shown & aside), STEPS)
@@ -538,10 +538,6 @@ def _filled(values: np.ndarray, length: int, fill: float | None = None) -> np.nd
 
 def _shares(chosen: np.ndarray) -> np.ndarray:
     return np.asarray(chosen / max(chosen.sum(), 1), np.float32)
-
-
-def _biases(shapes: Mapping[str, Any]) -> dict[str, Any]:
-    return {f"{name}_bias": shape for name, shape in shapes.items() if name != "past"}
 
 
 def _gated_shapes(inputs: int, outputs: int) -> dict[str, Any]:

@@ -132,12 +132,6 @@ def _map_value_out(
     )
 
 
-def _above(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    return tuple(
-        _left_out(record, record.inputs["pressure"] > TRAINED_BELOW, record.muscle) for record in _maps(located)
-    )
-
-
 def _sheet(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
     record = replace(_table(located[0][0], "DMSP-20-300"), name="DMSP-20 sheet", muscle="DMSP-20 sheet")
     return tuple(_each_value_out(record, "pressure", BAR, "bar"))
@@ -335,7 +329,9 @@ TASKS: dict[str, BenchmarkTask] = {
             "tension from length and pressure",
             "all points above 4 bar; trained on those up to 4 bar",
             (datasets.DMSP_10, datasets.DMSP_20),
-            _above,
+            lambda located: tuple(
+                _left_out(record, record.inputs["pressure"] > TRAINED_BELOW, record.muscle) for record in _maps(located)
+            ),
             note=f"{TWO_MUSCLES} {ON_MAPS}",
         ),
         BenchmarkTask(

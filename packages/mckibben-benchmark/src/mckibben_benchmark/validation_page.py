@@ -73,7 +73,10 @@ def page(validation: Validation, *, figure: str = "", version: str = "") -> str:
             parts.append(f"![Errors of every law on every static data set]({figure})")
         parts.append(LEGEND)
     for one in validation.static:
-        parts += [f"## {one.of.title}", _described(one), _table_of(one), *_notes(one)]
+        parts += [f"## {one.of.title}", _described(one), _table_of(one)]
+        said = [f"- `{f.law}`: {w}" for f in one.fits for w in f.warnings]
+        said += [f"- `{law}` was left out: {why}" for law, why in one.skipped.items()]
+        parts += ["\n".join(said)] if said else []
     if validation.loops:
         parts += ["## Friction and creep: a loop and two steps of a DMSP-10-250", *_loops(validation.loops)]
     if validation.jumps:
@@ -182,12 +185,6 @@ def _fitted(f: Fit, largest: float) -> list[str]:
 
 
 _SCHEMES = ("pressure", "length", "block", "rest_length")
-
-
-def _notes(one: StaticResult) -> list[str]:
-    said = [f"`{f.law}`: {w}" for f in one.fits for w in f.warnings]
-    said += [f"`{law}` was left out: {why}" for law, why in one.skipped.items()]
-    return ["\n".join(f"- {line}" for line in said)] if said else []
 
 
 def _loops(study: LoopStudy) -> list[str]:

@@ -20,7 +20,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -426,7 +426,10 @@ def replay_check(path: str | os.PathLike[str], *, muscle: Any = "nylon") -> Repl
     if outcome is not None:
         steps.append(_compared(record, then, outcome))
     for name, use in (("calibrate zero", _zeros), (PROTOCOL, lambda r: _protocol(r, muscle))):
-        steps.append(_tried(name, record, use))
+        try:
+            steps.append(ReplayStep(name, *use(record)))
+        except MckibbenError as error:
+            steps.append(ReplayStep(name, False, str(error)))
     return Replay(record, outcome, tuple(steps))
 
 
@@ -457,13 +460,6 @@ def _compared(record: CheckRecord, then: tuple[CheckResult, ...], now: MachineCh
     return ReplayStep(
         "as then", not changed, "; ".join(changed) or f"each test finds what it found with mckibben {version}"
     )
-
-
-def _tried(name: str, record: CheckRecord, use: Callable[[CheckRecord], tuple[bool, str]]) -> ReplayStep:
-    try:
-        return ReplayStep(name, *use(record))
-    except MckibbenError as error:
-        return ReplayStep(name, False, str(error))
 
 
 def _zeros(record: CheckRecord) -> tuple[bool, str]:

@@ -80,7 +80,8 @@ def native_code(source: PartSource) -> str:
     """The C of a part as the body of a native function of Warp that steps one row."""
     name = source.name
     header, code = (re.sub(r"/\*.*?\*/", "", source.files[f"{name}.{kind}"], flags=re.S) for kind in ("h", "c"))
-    members = [_struct(header, f"{name}_{group}") for group in GROUPS]
+    structs = {found[1]: found[0] for found in re.finditer(r"typedef struct (\w+) \{.*?\} \1;", header, flags=re.S)}
+    members = [structs[f"{name}_{group}"] for group in GROUPS]
     members.append(f"enum {{ {name.upper()}_SYNCHRONOUS = 0, {name.upper()}_STAGGERED = 1 }};")
     helpers = re.findall(r"^static inline .*?^\}", code, flags=re.S | re.M)
     constants = {
@@ -96,12 +97,6 @@ def native_code(source: PartSource) -> str:
     text = re.sub(r"INT64_C\((-?\d+)\)", r"\1LL", text)
     text = re.sub(r"^#ifdef \w+_TWO_ROUNDINGS\n.*?^#else\n(.*?)^#endif\n", r"\1", text, flags=re.S | re.M)
     return f"struct code {{\n{text}\n}};\n{with_names(CALL, name)}"
-
-
-def _struct(header: str, name: str) -> str:
-    found = re.search(rf"typedef struct {name} \{{.*?\}} {name};", header, flags=re.S)
-    assert found is not None
-    return found[0]
 
 
 def _function(code: str, name: str) -> str:

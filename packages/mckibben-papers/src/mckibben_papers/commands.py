@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mckibben.cli._outputs import OBJECT, REPORT, TABLE, OutputFiles, OutputKinds
 from mckibben.cli._progress import progress
@@ -14,9 +13,6 @@ from mckibben.errors import InputError, not_found
 from mckibben.report import document, document_pdf
 
 from . import report as papers
-
-if TYPE_CHECKING:
-    from .report import Reproduction
 
 
 def _check_places(given: Mapping[str, Any], files: OutputFiles) -> None:
@@ -35,10 +31,6 @@ def _check_places(given: Mapping[str, Any], files: OutputFiles) -> None:
                 document.checked_place(folder / name, field="--out")
 
 
-def _draws(given: Mapping[str, Any], files: OutputFiles) -> dict[str, bool]:
-    return {"draws": bool(given["figures"] or files["report"] or files["folder"])}
-
-
 @contextlib.contextmanager
 def _reproducing(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     @contextlib.contextmanager
@@ -49,17 +41,13 @@ def _reproducing(given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     yield {"begun": begun}
 
 
-def _save(answer: Reproduction, folder: Path) -> list[Path]:
-    return answer.save(folder)
-
-
 reproduce_papers = VerbCommand(
     "mckibben_papers.report:reproduce_papers",
     OutputKinds("both reports, or with --figure the figures in --format,", report=REPORT, table=TABLE, result=OBJECT),
     ("reproduce --part IV --no-recordings --out energy.html",),
     options={"rows": "row", "figures": "figure", "figure_format": "format"},
-    writes={"report": lambda answer, path: [answer.report(path)], "folder": _save},
+    writes={"report": lambda answer, path: [answer.report(path)], "folder": lambda answer, folder: answer.save(folder)},
     check=_check_places,
-    from_files=_draws,
+    from_files=lambda given, files: {"draws": bool(given["figures"] or files["report"] or files["folder"])},
     around=_reproducing,
 )

@@ -452,9 +452,10 @@ def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
     ends = characteristics.dynamic_range(bio.active_curve)
     top, speed = style.number(computed.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), style.number(computed.FASTEST)
     each = tuple(MUSCLES)
+    lengths = [style.number(specimen(muscle).property_si("rest_length", "m") * CM) for muscle in each]
     blank = (TableEntry(), TableEntry())
     return [
-        ("Resting length (L₀)", "cm", (*(_taken(style.number(_rest(m) * CM)) for m in each), TableEntry())),
+        ("Resting length (L₀)", "cm", (*map(_taken, lengths), TableEntry())),
         (
             "Dynamic range",
             "L₀",
@@ -485,10 +486,6 @@ def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
         ),
         ("Energy efficiency", "-", (_efficiency(), *blank, TableEntry("", "0.2–0.25"))),
     ]
-
-
-def _rest(muscle: str) -> float:
-    return specimen(muscle).property_si("rest_length", "m")
 
 
 def _taken(words: str) -> TableEntry:

@@ -155,10 +155,16 @@ def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] =
     others = [o for o in outcomes if not is_prediction(o.row)]
     parts = dict.fromkeys([*(o.row.part for o in others), *(d.of.part for d in first)])
     order = sorted(parts, key=lambda p: [*PARTS].index(p) if p in PARTS else len(PARTS))
+    in_parts = []
+    for part in order:
+        rows, pictures = [o for o in others if o.row.part == part], [d for d in first if d.of.part == part]
+        blocks: list[Block] = [_table(rows, first)] if rows else []
+        blocks += map(_figure, pictures)
+        in_parts.append(Section(PARTS.get(part, part), tuple(blocks), _anchor("part", part)))
     sections = [
         Section("Verdict", tuple(_verdict(outcomes, drawn, left_out)), "verdict"),
         *([Section(PREDICTIONS, (_table(predicted, drawn),), "predictions")] if predicted else []),
-        *(_part(part, others, first) for part in order),
+        *in_parts,
         *([Section("Figures of the paper of 1994", tuple(_figure(d) for d in second), "conference")] if second else []),
         Section("Papers", (References((JOURNAL, CONFERENCE)),), "papers"),
         Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"),
@@ -255,14 +261,6 @@ def _mark(kind: VerdictKind) -> TableCell:
     look = _LOOKS.get(kind.key, "")
     words = kind.verdict.replace(" ", "\N{NO-BREAK SPACE}")
     return TableCell(words if look else f"{_SIGNS[kind.key]}\N{NO-BREAK SPACE}{words}", look)
-
-
-def _part(part: str, outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> Section:
-    rows = [o for o in outcomes if o.row.part == part]
-    pictures = [d for d in drawn if d.of.part == part]
-    blocks: list[Block] = [_table(rows, drawn)] if rows else []
-    blocks += [_figure(d) for d in pictures]
-    return Section(PARTS.get(part, part), tuple(blocks), _anchor("part", part))
 
 
 def _table(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn]) -> ReportTable:

@@ -248,7 +248,17 @@ class Conditions(NamedTuple):
         if self.reading not in READINGS:
             raise InputError("reading", self.reading, known=READINGS)
         _check_pressures(self, float(muscle.threshold()))
-        _check_length(self, muscle)
+        shown, thread = with_unit(self.stretched_length, "m"), getattr(muscle.law, "thread_length", None)
+        if thread is not None and self.stretched_length >= float(thread):
+            longest = with_unit(float(thread), "m")
+            raise InputError("stretched_length", shown, f"must be below {longest}, the length of its threads")
+        probe = Probe(muscle)
+        full, empty = probe.tension(self.stretched_length, np.array([self.pressure, 0.0]))
+        if probe.volume(self.stretched_length, self.pressure) <= 0.0 or full <= empty:
+            raise InputError("stretched_length", shown, "must be shorter; the braid holds no gas there that pulls")
+        if full <= self.friction:
+            words = "must be longer; the muscle does not shorten from there against its friction"
+            raise InputError("stretched_length", shown, words)
 
 
 class EnergyCycle(NamedTuple):
@@ -327,20 +337,6 @@ def _check_pressures(c: Conditions, threshold: float) -> None:
         raise InputError(
             "exchange_pressure", with_unit(c.exchange_pressure, "Pa"), "must be below the pressure, above a vacuum"
         )
-
-
-def _check_length(c: Conditions, muscle: CycleMuscle) -> None:
-    shown, thread = with_unit(c.stretched_length, "m"), getattr(muscle.law, "thread_length", None)
-    if thread is not None and c.stretched_length >= float(thread):
-        longest = with_unit(float(thread), "m")
-        raise InputError("stretched_length", shown, f"must be below {longest}, the length of its threads")
-    probe = Probe(muscle)
-    full, empty = probe.tension(c.stretched_length, np.array([c.pressure, 0.0]))
-    if probe.volume(c.stretched_length, c.pressure) <= 0.0 or full <= empty:
-        raise InputError("stretched_length", shown, "must be shorter; the braid holds no gas there that pulls")
-    if full <= c.friction:
-        words = "must be longer; the muscle does not shorten from there against its friction"
-        raise InputError("stretched_length", shown, words)
 
 
 # ---- the numbers, for one pressure or an array of them

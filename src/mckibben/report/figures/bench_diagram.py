@@ -116,7 +116,12 @@ class _Drawing:
         middle = 0.5 * (near + far)
         self.marks.append(line((middle - 34.0, TOP), (middle + 34.0, TOP), width=3.0, colour=SUNKEN))
         self.put(tube(("a", "b"), False).marks, middle, TOP)
-        self.write(self._tube_words(), middle, TOP + 36.0, "center")
+        sizes = {name: getattr(p.tube, name, None) for name in ("length", "diameter")}
+        stated = [
+            self.of(f"tube.{n}", f"{from_si(float(v), 'm', 'mm'):.4g} mm") for n, v in sizes.items() if v is not None
+        ]
+        words = [Words("tube", SMALL, True, INK), *([Words(", ".join(stated))] if stated else [])]
+        self.write(words, middle, TOP + 36.0, "center")
         self.put([dot()], near, TOP)
         for x, key in ((near, "valve_accumulator"), (far, "muscle_accumulator")):
             if p.has_muscle and float(getattr(p, key)) > 0.0:
@@ -140,13 +145,6 @@ class _Drawing:
             return
         force = self.of("torque_constant", with_unit(float(motor.largest_force), "N", 3), "motor")
         self.box(wall, TOP + 18.0, 68.0, 36.0, [Words("motor", SMALL, True, INK), Words(force)])
-
-    def _tube_words(self) -> list[Words]:
-        sizes = {name: getattr(self.plumbing.tube, name, None) for name in ("length", "diameter")}
-        words = [
-            self.of(f"tube.{n}", f"{from_si(float(v), 'm', 'mm'):.4g} mm") for n, v in sizes.items() if v is not None
-        ]
-        return [Words("tube", SMALL, True, INK), *([Words(", ".join(words))] if words else [])]
 
     def channels(self) -> None:
         """Draw sensors with their filters and converters, and the outputs at the sides."""

@@ -259,7 +259,9 @@ class _Layout:
 
     def keys(self, ax: Axes) -> list[Any]:
         """Legends and lists of notes that belong to axes; a list is a list of texts."""
-        every = [k for k in (*ax.get_children(), *self.fig.legends) if _is_legend(k) and k.get_visible()]
+        from matplotlib.legend import Legend
+
+        every = [k for k in (*ax.get_children(), *self.fig.legends) if isinstance(k, Legend) and k.get_visible()]
         legends = [k for k in every if _owner(k, ax) is ax]
         block = [t for t in ax.texts if _beside(t)]
         return ([block] if block else []) + legends
@@ -577,12 +579,6 @@ def _overlap(a: Axes, b: Axes) -> float:
 
 
 # ---- keys
-
-
-def _is_legend(artist: Artist) -> bool:
-    from matplotlib.legend import Legend
-
-    return isinstance(artist, Legend)
 
 
 def _owner(legend: Artist, ax: Axes) -> Axes | None:

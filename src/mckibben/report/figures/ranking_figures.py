@@ -79,7 +79,9 @@ def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False)
         for v in pair
     ]
     finite = [v for v in values if math.isfinite(v) and v > 0.0]
-    low, high = _decades(finite)
+    low, high = 0.1, 100.0
+    if finite:  # errors above the largest tension itself are cut off
+        low, high = min(finite) / 1.5, max(1.4 * min(max(finite), 100.0), 2.0 * min(finite))
     ax.set_xscale("log")
     ax.set_xlim(low, high)
     ax.set_ylim(len(rows) - 0.45, -0.6)
@@ -131,14 +133,6 @@ def draw_ranking(ax: Axes, study: Ranking, *, names: float, brief: bool = False)
 def _share(ax: Axes, row: float) -> float:
     bottom, top = ax.get_ylim()
     return (row - bottom) / (top - bottom)
-
-
-def _decades(values: list[float]) -> tuple[float, float]:
-    """Limits of the logarithmic axis [%]; errors above the largest tension itself are cut off."""
-    if not values:
-        return 0.1, 100.0
-    low, high = min(values), max(values)
-    return low / 1.5, max(1.4 * min(high, 100.0), 2.0 * low)
 
 
 def _draw_pair(ax: Axes, y: float, pair: Sequence[float], look: str, high: float, *, converged: bool) -> None:

@@ -274,7 +274,11 @@ def design_front(study: DesignStudy) -> Figure:
     for i, design in enumerate(study.front[:LISTED]):
         x, y = 0.07 + 0.305 * (i // ROWS), 0.145 - 0.035 * (i % ROWS)
         number_text = fig.text(x, y, f"{i + 1}", fontsize=style.SMALL, fontweight="bold", color=INK)
-        listed.append(FootRow(number_text, fig.text(x + 0.02, y, _words(design), fontsize=style.SMALL, color=INK_2)))
+        bore, length = from_si(design.tube_diameter, "m", "mm"), from_si(design.tube_length, "m", "cm")
+        flow = from_si(design.valve_flow, "m^3/s", "l/min")
+        said = f"{design.muscle}: {flow:.3g} l/min, {bore:.3g} mm, {length:.3g} cm"
+        said = said if design.settled else f"{said}, not settled"
+        listed.append(FootRow(number_text, fig.text(x + 0.02, y, said, fontsize=style.SMALL, color=INK_2)))
     set_margins(fig, Margins(foot=tuple(listed)))
     return fig
 
@@ -301,9 +305,3 @@ def _panel(ax: Axes, done: list[Design], values: list[float]) -> None:
         style.beside(ax, str(i), (x * MS, y), (-9, 0), color=INK, fontweight="bold", ha="center", va="center", zorder=4)
     ax.margins(x=0.18, y=0.16)
     style.tick_numbers(ax.xaxis)
-
-
-def _words(design: Design) -> str:
-    bore, length = from_si(design.tube_diameter, "m", "mm"), from_si(design.tube_length, "m", "cm")
-    said = f"{design.muscle}: {from_si(design.valve_flow, 'm^3/s', 'l/min'):.3g} l/min, {bore:.3g} mm, {length:.3g} cm"
-    return said if design.settled else f"{said}, not settled"

@@ -244,15 +244,11 @@ def number(value: float, digits: int | None = None, *, sign: bool = False) -> st
     """
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
-    text = f"{value:{'+' if sign else ''},.{digits}f}" if digits is not None else _short(value, sign)
-    if digits is not None and float(text.replace(",", "")) == 0.0:
+    text = f"{value:{'+' if sign else ''},.{6 if digits is None else digits}f}"
+    text = text.rstrip("0").rstrip(".") if digits is None else text
+    if float(text.replace(",", "")) == 0.0:
         text = text.lstrip("+-")
     return text.replace(",", "\N{THIN SPACE}").replace("-", "\N{MINUS SIGN}")
-
-
-def _short(value: float, sign: bool) -> str:
-    text = f"{value:{'+' if sign else ''},.6f}".rstrip("0").rstrip(".")
-    return "0" if text in ("-0", "+0", "") else text
 
 
 def pressure_text(pressure_bar: float, *, unit: bool = False) -> str:
@@ -435,15 +431,15 @@ def save(fig: Figure, path: str | Path, *, dpi: float | None = None) -> None:
         write_text(path, places.in_svg(to_svg(fig), origin))
         return
     resolution = dpi or formats.current_style().dpi
+
+    def write(part: Path) -> None:
+        stream: Any
+        with ErrorKeepingFile(part) as stream:
+            words = places.file_entries(origin, suffix)
+            fig.savefig(stream, format=suffix[1:], dpi=resolution, facecolor=fig.get_facecolor(), metadata=words)
+
     with styled():
-        write_whole(path, lambda part: _write(fig, part, suffix, resolution, origin))
-
-
-def _write(fig: Figure, file: Path, suffix: str, dpi: float, origin: places.Provenance) -> None:
-    stream: Any
-    with ErrorKeepingFile(file) as stream:
-        words = places.file_entries(origin, suffix)
-        fig.savefig(stream, format=suffix[1:], dpi=dpi, facecolor=fig.get_facecolor(), metadata=words)
+        write_whole(path, write)
 
 
 def save_figure(drawn: Figure | Axes, path: str | Path, *, dpi: float | None = None) -> None:

@@ -315,10 +315,11 @@ def speeds_of(
     ]
     done = courses(lanes)
     wanted = wish.force + muscle.muscle.friction + muscle.passive
-    speeds = []
+    speeds, end = [], muscle.muscle.longest - wish.stroke
     for i in range(len(lines)):
         some = done[i * len(tried) : (i + 1) * len(tried)]
-        over = np.array([_at_end(c, muscle.muscle.longest - wish.stroke) - wanted if c.sound else np.nan for c in some])
+        at_end = [int(np.argmax(c.length <= end + 1e-9 + 1e-6 * end)) if c.sound else 0 for c in some]
+        over = np.array([c.tension[k] - wanted if c.sound else np.nan for c, k in zip(some, at_end, strict=True)])
         keeps = np.flatnonzero(~(over >= 0.0))
         if not keeps.size:
             speeds.append(tried[-1])
@@ -329,11 +330,6 @@ def speeds_of(
             share = over[k - 1] / (over[k - 1] - over[k]) if np.isfinite(over[k]) else 0.0
             speeds.append(float(tried[k - 1] * (tried[k] / tried[k - 1]) ** share))
     return speeds
-
-
-def _at_end(course: Course, end: float) -> float:
-    """Tension at the end of the stroke [N]."""
-    return float(course.tension[int(np.argmax(course.length <= end + 1e-9 + 1e-6 * end))])
 
 
 def rank(lines: Sequence[LineResult]) -> list[LineResult]:

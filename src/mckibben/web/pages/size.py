@@ -14,9 +14,8 @@ import numpy as np
 from ...documents import JsonValue
 from ...errors import InputError, MckibbenError
 from ...quantities import with_unit
-from ...specimens import specimen_ids
+from ...specimens import specimen_ids, specimen_toml
 from ...specimens.parts import parts
-from ...specimens.write import specimen_toml
 from ...studies.sizing import BRAID_LAWS, OBJECTIVES, Judged, Sizing, size
 from ...studies.sizing.candidate import LawAtPressure
 from ...studies.sizing.tables import ms, ranged

@@ -217,7 +217,11 @@ def pressure_chart(desk: CircuitState, answer: CircuitAnswer) -> Chart:
         x, beside = MS * reached, BAR * (0.4 * at if numbers.rising else 0.6 * numbers.before)
         marks += [Mark("", x=x), Mark(words, x=x, y=beside)]
     shown = f"Pressure of {', '.join(desk.sensors)} over {with_unit(record.time[-1], 's')}"
-    summary = f"{shown}; it {_ending(desk, numbers)}"
+    ending = "has not settled"
+    if numbers.settled:
+        ends = "settles" if numbers.duration > 1.5 * desk.plan.duration else "ends"
+        ending = f"{ends} at {with_unit(numbers.after, 'Pa')}"
+    summary = f"{shown}; it {ending}"
     return Chart("Pressure", summary, Axis("Time", "ms"), Axis("Pressure", "bar", "pressure"), lines, marks, height=256)
 
 
@@ -231,13 +235,6 @@ def flow_chart(desk: CircuitState, record: Recording) -> Chart:
         lines.append(ChartLine(MS * record.time, values, f"{sign} {name}", "flow", dash=dash, width=2.0))
     summary = f"Flow of {', '.join(desk.flows)} as a volume of reference air"
     return Chart("Flow", summary, Axis("Time", "ms"), Axis("Flow", "L/min", "flow"), lines, height=150)
-
-
-def _ending(desk: CircuitState, outputs: response.ResponseNumbers) -> str:
-    if outputs.settled:
-        longer = outputs.duration > 1.5 * desk.plan.duration
-        return f"{'settles' if longer else 'ends'} at {with_unit(outputs.after, 'Pa')}"
-    return "has not settled"
 
 
 def numbers(desk: CircuitState, outputs: response.ResponseNumbers) -> None:
