@@ -333,8 +333,7 @@ class SweepReport(NamedTuple):
     seconds: float
     muscle_seconds: float
 
-    def __repr__(self) -> str:
-        return brief(self)
+    __repr__ = brief
 
     @property
     def rate(self) -> float:

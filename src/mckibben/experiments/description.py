@@ -111,7 +111,9 @@ class ProtocolDescription(Answer):
         else:
             at_most, count = "at most " if length["note"] else "", length["steps"]
             steps = f"{count} step{'' if count == 1 else 's'}"
-            duration = f"{at_most}{_time(length['longest'])} in {steps}"
+            minutes, rest = divmod(length["longest"], 60.0)
+            time = f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.4g} s"
+            duration = f"{at_most}{time} in {steps}"
             said.append(f"Duration: {duration}, for a rest length of {100 * REST_LENGTH:g} cm.")
         said += [f"Note: {self.protocol.note.rstrip('.')}."] if self.protocol.note else []
         source = f"Source: {self.protocol.source}. {content['reference'] or ''}".rstrip()
@@ -172,11 +174,6 @@ def _about(one: ProtocolChoice | ProtocolParameter, set_by: str | None = None) -
 def _kind(unit: str) -> str:
     words = {"m": "a length, or in L0", "m/s": "a velocity, or in L0/s", "1": "a number", "word": "a word"}
     return words.get(unit, f"a value in {unit}")
-
-
-def _time(seconds: float) -> str:
-    minutes, rest = divmod(seconds, 60.0)
-    return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.4g} s"
 
 
 @verb

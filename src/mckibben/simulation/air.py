@@ -78,8 +78,7 @@ class AirCircuit(NamedTuple):
     assumptions: tuple[Assumption, ...] = ()
     cautions: tuple[Caution, ...] = ()
 
-    def __repr__(self) -> str:
-        return brief(self)
+    __repr__ = brief
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,10 @@ def fit_tables(
         loaded = [(ForceMap.joined([points for points, _ in loaded], f"{len(loaded)} runs"), loaded[0][1])]
     named_by_person(*(law or ()))
     every, named = not law or ALL in law, [name for name in law or () if name != ALL]
-    stated = _known(known, [*LAWS, *named] if every else named)
+    laws = [*LAWS, *named] if every else named
+    fields = {key: q for name in laws for key, q in declared(law_type(name)).items()}
+    units = {key: q.unit for key, q in fields.items()}
+    stated = {name: _stated(name, value, units) for name, value in (known or {}).items()}
     rankings: list[Ranking] = []
     for points, spec in loaded:
         found = fit_laws(
@@ -216,13 +219,6 @@ def _posteriors(
     slack = ranking.points.select(ranking.points.informative_slack)
     fits: list[Fit] = [f for f in ranking.fits if f.converged or f is ranking.best] if every else [ranking.best]
     return {f.law: sampled(f) for f in fits}
-
-
-def _known(changes: verbs.Changes | None, laws: Sequence[str]) -> dict[str, float]:
-    """Parameters that are not fitted [SI], of the laws that are."""
-    fields = {key: q for name in laws for key, q in declared(law_type(name)).items()}
-    units = {key: q.unit for key, q in fields.items()}
-    return {name: _stated(name, value, units) for name, value in (changes or {}).items()}
 
 
 def _stated(name: str, value: float | str, units: Mapping[str, str]) -> float:

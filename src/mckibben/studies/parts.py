@@ -415,10 +415,6 @@ def _valve(spec: Specimen) -> ListedPart:
     return _made("valves", spec.id, spec.title, spec.element, tuple(numbers), spec.sources, spec.note)
 
 
-def _valves() -> list[ListedPart]:
-    return [_valve(spec) for spec in specimens() if spec.kind == "valve"]
-
-
 def _published(kind: str, name: str) -> Iterator[ListedPart]:
     for p in published.parts(name):
         form = p.form or (f"law of {p.law}" if p.law else "")
@@ -443,7 +439,7 @@ def _muscles() -> list[ListedPart]:
 
 
 _OF_KIND: dict[str, Callable[[], list[ListedPart]]] = {
-    "valves": _valves,
+    "valves": lambda: [_valve(spec) for spec in specimens() if spec.kind == "valve"],
     "tubes": lambda: [*_published("tubes", "tube")],
     "sources": lambda: [*_published("sources", "gas_source")],
     "laws": _laws,

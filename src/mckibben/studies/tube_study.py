@@ -8,7 +8,6 @@ Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -181,10 +180,6 @@ def tube_study(
     tell = progress or (lambda _: None)
     seeds = seeds or (QUICK_SEEDS if quick else SEEDS)
     thermals = thermals or (QUICK_THERMALS if quick else THERMALS)
-
-    def told(thermal: str, words: str) -> None:
-        tell(f"{thermal}: {words}")
-
     chosen, some = _chosen(keys), records(tuple(seeds))
     cases: dict[tuple[str, str], tuple[Case, ...]] = {}
     hottest, results = {}, {}
@@ -192,7 +187,7 @@ def tube_study(
         for accumulator in ACCUMULATORS:
             cases[thermal, accumulator], hottest[thermal, accumulator] = _answers(some, accumulator, thermal, tell)
         both = cases[thermal, LARGE], cases[thermal, SMALL]
-        results[thermal] = tuple(_results(chosen, *both, functools.partial(told, thermal)))
+        results[thermal] = tuple(_results(chosen, *both, lambda words, at=thermal: tell(f"{at}: {words}")))
     cost = None
     if "lumped" in chosen:
         tell("timing")
@@ -292,7 +287,7 @@ def _runner(case: Case, key: str, heat: HeatModel, changes: Mapping[str, float])
     circuit, signals = trial.with_parameters(changes)
     state = circuit.at_rest(trial.initial, {name: s.at(0, 0.0, PERIOD) for name, s in signals.items()})
 
-    @functools.partial(jax.jit)
+    @jax.jit
     def run(circuit: Any, state: Tree, signals: Any) -> Any:
         _, kept = march(circuit, state, {}, signals, PERIOD, round(PERIOD / STEP), trial.samples, False)
         return kept[2][CHANNEL]

@@ -238,17 +238,13 @@ class SineLoop(NamedTuple):
     pressure_gap: float
 
 
-def _words(frequency: float) -> str:
-    return f"{frequency:g} Hz"
-
-
 def recorded_sines(frequency: float) -> Recording:
     """Recording of the sine of a frequency [Hz] with about the amplitude of the figure, on which the width depends.
 
     Raises:
         ConvergenceError: no amplitude that was requested gave it.
     """
-    words, asked = _words(frequency), AMPLITUDE
+    words, asked = f"{frequency:g} Hz", AMPLITUDE
     for _ in range(TRIES):
         whole = recording(
             "sinusoids",
