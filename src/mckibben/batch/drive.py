@@ -333,7 +333,8 @@ class SweepReport(NamedTuple):
     seconds: float
     muscle_seconds: float
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     @property
     def rate(self) -> float:

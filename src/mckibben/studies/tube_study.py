@@ -8,6 +8,7 @@ Robotics and Automation 12(1), 1996, doi:10.1109/70.481753.
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -180,6 +181,10 @@ def tube_study(
     tell = progress or (lambda _: None)
     seeds = seeds or (QUICK_SEEDS if quick else SEEDS)
     thermals = thermals or (QUICK_THERMALS if quick else THERMALS)
+
+    def told(thermal: str, words: str) -> None:
+        tell(f"{thermal}: {words}")
+
     chosen, some = _chosen(keys), records(tuple(seeds))
     cases: dict[tuple[str, str], tuple[Case, ...]] = {}
     hottest, results = {}, {}
@@ -187,7 +192,7 @@ def tube_study(
         for accumulator in ACCUMULATORS:
             cases[thermal, accumulator], hottest[thermal, accumulator] = _answers(some, accumulator, thermal, tell)
         both = cases[thermal, LARGE], cases[thermal, SMALL]
-        results[thermal] = tuple(_results(chosen, *both, lambda words, at=thermal: tell(f"{at}: {words}")))
+        results[thermal] = tuple(_results(chosen, *both, functools.partial(told, thermal)))
     cost = None
     if "lumped" in chosen:
         tell("timing")

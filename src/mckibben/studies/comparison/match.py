@@ -203,7 +203,8 @@ class Match(NamedTuple):
     simulated: Curve | None = None
     rms_simulated: float = float("nan")
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Differences before and after, and the tuned parameters, as plain values."""

@@ -218,7 +218,8 @@ class MuscleColumn(NamedTuple):
     values: Mapping[str, float]
     notes: tuple[str, ...] = ()
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 class PropertyRow(NamedTuple):
@@ -228,7 +229,8 @@ class PropertyRow(NamedTuple):
     values: tuple[float | None, ...]
     published: PublishedRange | None
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
     def shown(self) -> list[float | None]:
         """The values in the property's unit."""

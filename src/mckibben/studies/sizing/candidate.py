@@ -35,7 +35,8 @@ class LawEnds(NamedTuple):
     pairs: Mapping[str, tuple[TensionLaw, ...]] = {}  # of a law whose numbers are all printed
     without_range: tuple[str, ...] = ()
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 @dataclass(frozen=True, eq=False)

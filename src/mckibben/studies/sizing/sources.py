@@ -209,7 +209,8 @@ def _isothermal(part: CataloguePart, wish: Requirements, pressure: float) -> flo
 def _result(part: CataloguePart, wish: Requirements, energy: float, **more: Any) -> SourceResult:
     """A source that spends an energy in a cycle [J]; what is not stated does not apply to it."""
     efficiency, inferred = wish.force * wish.stroke / energy, tuple(part.inferred())
-    known = dict.fromkeys(("isothermal", "adiabatic", "cycles", "run_time", "mass", "temperature")) | more
+    none = dict.fromkeys(("isothermal", "adiabatic", "cycles", "run_time", "mass", "temperature"))
+    known: dict[str, Any] = {**none, **more}
     return SourceResult(part.id, part.title, part.form, energy, efficiency=efficiency, inferred=inferred, **known)
 
 

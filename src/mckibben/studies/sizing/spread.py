@@ -46,7 +46,8 @@ class InferredRanges(NamedTuple):
     from_numbers: tuple[str, ...]
     without_range: tuple[str, ...]
 
-    __repr__ = brief
+    def __repr__(self) -> str:
+        return brief(self)
 
 
 def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> InferredRanges:
