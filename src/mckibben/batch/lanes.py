@@ -73,11 +73,7 @@ class BuiltVariant(NamedTuple):
 
 
 def build(factory: RunFactory, values: Mapping[str, JsonValue]) -> BuiltVariant:
-    """Build a variant.
-
-    Args:
-        factory: factory of the batch.
-        values: by path.
+    """Build a variant of values by path.
 
     Raises:
         InputError: names what is unknown or out of bounds.

@@ -253,10 +253,7 @@ class RunFactory:
         self._unit: Callable[[str], MuscleUnit] = remembering(lambda name: rig_unit(self._specimen(name)))
 
     def bench(self, values: Mapping[str, JsonValue]) -> PreparedRun:
-        """Prepare the run of one variant, including the dry run.
-
-        Args:
-            values: by path, SI or words.
+        """Prepare the run of one variant of values by path, SI or words, including the dry run.
 
         Raises:
             InputError: names what is unknown or out of bounds.

@@ -716,11 +716,6 @@ def read_step(entry: FileTable) -> ProtocolStep:
         place = Place(entry.field(channel), entry.where or None)
         commands[channel if channel in DRIVES else "motor"] = read_command(entry.values[channel], place, channel)
     step = read_table(ProtocolStep, entry.without(*DRIVES, *modes, "repeat"), owner="a step has", **commands)
-    _check(entry, step)
-    return step
-
-
-def _check(entry: FileTable, step: ProtocolStep) -> None:
     if step.cycles is not None and step.frequency() is None:
         raise entry.fail("cycles", step.cycles, "a step with cycles follows a waveform with a frequency")
     if step.cycles is not None and step.duration is not None:
@@ -737,3 +732,4 @@ def _check(entry: FileTable, step: ProtocolStep) -> None:
             command.check(step)
         except InputError as error:
             raise entry.located(error) from None
+    return step

@@ -88,7 +88,28 @@ class Document(DocumentContent):
 
     def html(self) -> str:
         """Return the page: styles and figures are included, without scripts and external files."""
-        return _page(self)
+        import jinja2
+
+        environment = jinja2.Environment(
+            loader=jinja2.PackageLoader("mckibben.report"),
+            autoescape=True,
+            undefined=jinja2.StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        writer = _Writer(self)
+        rules = (resources.files(__package__) / "templates" / "document.css").read_text(encoding="utf-8")
+        anchors = self.anchors()
+        return environment.get_template("document.html.j2").render(
+            title=printable(self.title),
+            lead=writer.text(self.lead),
+            style=Markup(style_sheet("screen") + rules),
+            contents=[(a, printable(s.title)) for a, s in zip(anchors, self.sections, strict=True)],
+            sections=[
+                (anchor, printable(s.title), writer.blocks(s.blocks))
+                for anchor, s in zip(anchors, self.sections, strict=True)
+            ],
+        )
 
     def pdf(self) -> bytes:
         """Return the PDF file, tagged for screen readers.
@@ -141,31 +162,6 @@ _TAGS = {
     "stop": ("span", "stop-ink"),
 }
 _MARKS = {"caution": "▲", "stop": "■"}  # before a cell of that look: colour is never alone
-
-
-def _page(document: Document) -> str:
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("mckibben.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    writer = _Writer(document)
-    rules = (resources.files(__package__) / "templates" / "document.css").read_text(encoding="utf-8")
-    anchors = document.anchors()
-    return environment.get_template("document.html.j2").render(
-        title=printable(document.title),
-        lead=writer.text(document.lead),
-        style=Markup(style_sheet("screen") + rules),
-        contents=[(a, printable(s.title)) for a, s in zip(anchors, document.sections, strict=True)],
-        sections=[
-            (anchor, printable(s.title), writer.blocks(s.blocks))
-            for anchor, s in zip(anchors, document.sections, strict=True)
-        ],
-    )
 
 
 class _Writer:

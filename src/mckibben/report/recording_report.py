@@ -22,6 +22,7 @@ from ..quantities import from_si
 from ..recordings import read_recording
 from ..recordings.calibration import Calibration, CorrectionTerm, read_plain
 from ..recordings.recording import Recording
+from ..studies.comparison.table import LENGTHS, PRESSURES, TENSIONS
 from .blocks import (
     Block,
     Figure,
@@ -272,10 +273,6 @@ def deadlines(meta: Mapping[str, JsonValue]) -> list[Block]:
     return [KeyValues(tuple(pairs))]
 
 
-# Channels that are driven, and those that answer, the ones that are measured first.
-LENGTHS = ("span", "muscle.length", "muscle.span", "length")
-TENSIONS = ("tension", "muscle.tension")
-PRESSURES = ("pressure", "muscle.pressure")
 LEAST_TURN = 0.02  # share of the largest value by which a channel must move to be driven
 
 

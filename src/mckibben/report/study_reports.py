@@ -88,15 +88,7 @@ READING = (
 
 
 def write_characterisation_report(found: Characterisation, path: str | Path) -> Path:
-    """Write the report to an ``.html`` or ``.pdf`` file.
-
-    Args:
-        found: outcome of the characterisation.
-        path: path of the file.
-
-    Returns:
-        The path.
-    """
+    """Write the report to an ``.html`` or ``.pdf`` file; returns its path."""
     return characterisation_document(found).write(path)
 
 
@@ -216,36 +208,6 @@ CURVES = {"force_length": "Force over length", "passive": "Passive force", "forc
 PAPER = "chou1996"
 
 
-def comparison_report(
-    title: str,
-    tables: Sequence[ReportTable],
-    figures: Sequence[Figure] = (),
-    *,
-    lead: Text = "",
-    remarks: Sequence[tuple[str, Text]] = (),
-    details: Sequence[Block] = (),
-    keys: Sequence[str] = (),
-) -> Document:
-    """Build a report of tables and figures.
-
-    Args:
-        title: title of the report.
-        tables: in their order.
-        figures: below them.
-        lead: summary under the title.
-        remarks: sentences below the tables, each with the name of the muscle or subject that it is about.
-        details: blocks after the figures, such as what a search reached.
-        keys: keys of the papers.
-    """
-    said = (Heading("Remarks"), KeyValues(tuple(remarks))) if remarks else ()
-    sections = [Section("Side by side", (*tables, *said), "table")]
-    sections += [Section("Figures", tuple(figures), "figures")] if figures else []
-    sections += [Section("Details", tuple(details), "details")] if details else []
-    sections += [Section("Papers", (References(tuple(dict.fromkeys(keys))),), "papers")] if keys else []
-    sections.append(Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"))
-    return Document(title, tuple(sections), lead)
-
-
 def muscle_comparison(found: MuscleTable) -> Document:
     """Build the report of a comparison of muscles, with its figure where any of them has a law to draw."""
     names = [c.name for c in found.columns]
@@ -258,25 +220,23 @@ def muscle_comparison(found: MuscleTable) -> Document:
         TableColumn("Biological, published", number=True),
     )
     table = ReportTable(columns, tuple(_row(r) for r in rows), "Table 1 of the paper, for these muscles")
-    pictures = []
+    remarks = tuple((c.name, f"{c.title}, from {c.kind}" + "".join(f"; {n}" for n in c.notes)) for c in found.columns)
+    sections = [Section("Side by side", (table, Heading("Remarks"), KeyValues(remarks)), "table")]
     if found.muscles:
         drawn = table_figure(found)
         caption = (
             "Normalised. McKibben muscles have the colour of tension, biological ones ink; a letter ends each line."
         )
-        pictures.append(Figure(drawn, caption, f"Curves of {', '.join(names)}; the table has the numbers."))
-    remarks = [(c.name, f"{c.title}, from {c.kind}" + "".join(f"; {n}" for n in c.notes)) for c in found.columns]
-    details = [block for m in found.matches for block in _match(m)]
+        picture = Figure(drawn, caption, f"Curves of {', '.join(names)}; the table has the numbers.")
+        sections.append(Section("Figures", (picture,), "figures"))
+    if found.matches:
+        sections.append(Section("Details", tuple(block for m in found.matches for block in _match(m)), "details"))
+    sections += [
+        Section("Papers", (References(tuple(keys)),), "papers"),
+        Section("Versions", (KeyValues((("Computed by", versions_text()),)),), "versions"),
+    ]
     lead = "L₀ is each muscle's own resting length, F₀ its tension there; a dash says that the property is not known."
-    return comparison_report(
-        f"Muscles side by side: {', '.join(names)}",
-        [table],
-        pictures,
-        lead=lead,
-        remarks=remarks,
-        details=details,
-        keys=[*keys],
-    )
+    return Document(f"Muscles side by side: {', '.join(names)}", tuple(sections), lead)
 
 
 def _row(row: PropertyRow) -> TableRow:

@@ -319,10 +319,8 @@ class Estimator:
     def _hold(self, begin: np.ndarray, warmer: Mapping[str, np.ndarray]) -> None:
         """Put all chambers to the pressures of a carry, at the temperature that they have, less what is too much."""
         for name, row in self._chamber_rows["pressure"].items():
-            pressures, masses = (
-                self._kernel.carry[row, : self.lanes],
-                self._kernel.carry[self._chamber_rows["mass"][name]],
-            )
+            pressures = self._kernel.carry[row, : self.lanes]
+            masses = self._kernel.carry[self._chamber_rows["mass"][name]]
             masses[: self.lanes] *= begin[row] / pressures * warmer.get(name, 1.0)
             pressures[:] = begin[row]
 

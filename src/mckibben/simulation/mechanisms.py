@@ -124,12 +124,7 @@ def rest_length(muscle: AnyMuscle, unit: MuscleUnit) -> float:
 
 
 def carrying_pressure(unit: MuscleUnit, tension: float, span: float) -> float:
-    """The gauge pressure at which a muscle carries what it starts with [Pa].
-
-    Args:
-        unit: the muscle.
-        tension: what it carries [N].
-        span: of the muscle [m].
+    """The gauge pressure at which a muscle carries a tension [N] at a span [m], with which it starts [Pa].
 
     Raises:
         InputError: no pressure does; says which way the start must go, and where the muscle carries it without pressure.
@@ -188,6 +183,13 @@ def _check_stops(joint: Any) -> None:
     if not low <= joint.si("start") <= high:
         problem = f"must be within the stops, {low:g} rad to {high:g} rad"
         raise InputError("start", f"{joint.si('start'):g} rad", problem)
+
+
+def _hinge(joint: Any) -> dict[str, float]:
+    """What a joint and the joint of a link state alike [SI]."""
+    low, high = (in_si(one, "rad", "stops") for one in joint.stops)
+    stated = {name: joint.si(name) for name in ("damping", "stiffness", "start", "stop_stiffness")}
+    return stated | {"lower_stop": low, "upper_stop": high}
 
 
 @dataclass(frozen=True)
@@ -271,7 +273,34 @@ class Mechanism(Stated, abc.ABC):
 
 
 @dataclass(frozen=True)
-class Weight(Mechanism):
+class SingleMuscle(Mechanism):
+    """What one muscle moves."""
+
+    muscle: AnyMuscle = "nylon"
+
+    @property
+    def muscles(self) -> dict[str, AnyMuscle]:
+        """Names of the muscles: ``muscle`` alone."""
+        return {"muscle": self.muscle}
+
+
+@dataclass(frozen=True)
+class PulledMass(SingleMuscle):
+    """A mass in line with one muscle, on which the command ``force`` [N] acts."""
+
+    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
+        """A force from outside."""
+        return (
+            CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening", usual=FORCES),
+        )
+
+    def fields(self) -> dict[str, str]:
+        """Position, which is the span [m], and velocity [m/s]."""
+        return {"position": "load.position", "velocity": "load.velocity"}
+
+
+@dataclass(frozen=True)
+class Weight(PulledMass):
     """A mass that hangs from a muscle.
 
         mk.Weight("nylon", mass="5 kg")
@@ -293,17 +322,11 @@ class Weight(Mechanism):
         ['force']
     """
 
-    muscle: AnyMuscle = "nylon"
     mass: Amount = amount("kg", (2e-2, MASSES[1]), default=5.0)
     start: Amount | None = amount("m", default=None)
     damping: Amount = amount("N*s/m", (1e-2, 1e3), default=0.0)
     gravity: Amount = amount("m/s^2", (0.1, 100.0), default=GRAVITY)
     tendon: TendonOption = None
-
-    @property
-    def muscles(self) -> dict[str, AnyMuscle]:
-        """Names of the muscles: ``muscle`` alone."""
-        return {"muscle": self.muscle}
 
     def spans(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The span at the start [m]."""
@@ -324,24 +347,14 @@ class Weight(Mechanism):
             signal="force",
         )
 
-    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
-        """A force from outside."""
-        return (
-            CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening", usual=FORCES),
-        )
-
     def start_pressures(self, units: Mapping[str, MuscleUnit]) -> dict[str, float]:
         """The pressure that carries the weight."""
         weight = self.si("mass") * self.si("gravity")
         return {"muscle": carrying_pressure(units["muscle"], weight, self.spans(units)["muscle"])}
 
-    def fields(self) -> dict[str, str]:
-        """Position, which is the span [m], and velocity [m/s]."""
-        return {"position": "load.position", "velocity": "load.velocity"}
-
 
 @dataclass(frozen=True)
-class Spring(Mechanism):
+class Spring(PulledMass):
     """A spring that a muscle pulls, with a mass between the two.
 
         mk.Spring("nylon", stiffness="2 N/mm", weight="20 N")
@@ -366,7 +379,6 @@ class Spring(Mechanism):
         ['force']
     """
 
-    muscle: AnyMuscle = "nylon"
     stiffness: Amount = amount("N/m", (10.0, 1e6), default=2000.0)
     mass: Amount = amount("kg", (1e-3, 50.0), default=0.1)
     start: Amount | None = amount("m", default=None)
@@ -380,11 +392,6 @@ class Spring(Mechanism):
             super().__post_init__()
         else:
             dataclasses.replace(self, start=None)  # which checks all else
-
-    @property
-    def muscles(self) -> dict[str, AnyMuscle]:
-        """Names of the muscles: ``muscle`` alone."""
-        return {"muscle": self.muscle}
 
     @property
     def _tension(self) -> float | None:
@@ -432,19 +439,9 @@ class Spring(Mechanism):
             signal="force",
         )
 
-    def drives(self, units: Mapping[str, MuscleUnit] | None = None) -> tuple[CommandInput, ...]:
-        """A force from outside."""
-        return (
-            CommandInput("force", "force", unit="N", meaning="force from outside, positive lengthening", usual=FORCES),
-        )
-
-    def fields(self) -> dict[str, str]:
-        """Position, which is the span [m], and velocity [m/s]."""
-        return {"position": "load.position", "velocity": "load.velocity"}
-
 
 @dataclass(frozen=True)
-class Plate(Mechanism):
+class Plate(SingleMuscle):
     """A plate that holds a muscle at a span, which the command ``span`` [m] moves.
 
         mk.Plate("nylon", span="13 cm")
@@ -463,14 +460,8 @@ class Plate(Mechanism):
         ['span']
     """
 
-    muscle: AnyMuscle = "nylon"
     span: Amount | None = amount("m", default=None)
     tendon: TendonOption = None
-
-    @property
-    def muscles(self) -> dict[str, AnyMuscle]:
-        """Names of the muscles: ``muscle`` alone."""
-        return {"muscle": self.muscle}
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A plate whose position is a signal."""
@@ -565,17 +556,11 @@ class Joint(Mechanism):
 
     def load(self, units: Mapping[str, MuscleUnit]) -> Load:
         """A hinge with two moment arms."""
-        low, high = self.stops
         return JointLoad(
             arms=self._arms(units),
             inertia=self.si("inertia"),
-            damping=self.si("damping"),
-            stiffness=self.si("stiffness"),
-            start=self.si("start"),
             gravity_moment=self.si("gravity_moment"),
-            lower_stop=in_si(low, "rad", "stops"),
-            upper_stop=in_si(high, "rad", "stops"),
-            stop_stiffness=in_si(self.stop_stiffness, "N*m", "stop_stiffness"),
+            **_hinge(self),
             signal="moment",
         )
 
@@ -637,22 +622,14 @@ class Link(Stated):
 
     def chain_link(self, number: int) -> ChainLink:
         """The link as a part of the load; its outside moment is the signal ``moment_<number>``."""
-        length, mass = (
-            in_si(self.length, "m", f"length of link {number}"),
-            in_si(self.mass, "kg", f"mass of link {number}"),
-        )
-        low, high = self.stops
+        length = in_si(self.length, "m", f"length of link {number}")
+        mass = in_si(self.mass, "kg", f"mass of link {number}")
         return ChainLink(
             length=length,
             mass=mass,
             centre=0.5 * length if self.centre is None else in_si(self.centre, "m", f"centre of link {number}"),
             inertia=mass * length**2 / 12.0 if self.inertia is None else self.si("inertia"),
-            damping=self.si("damping"),
-            stiffness=self.si("stiffness"),
-            start=self.si("start"),
-            lower_stop=in_si(low, "rad", "stops"),
-            upper_stop=in_si(high, "rad", "stops"),
-            stop_stiffness=in_si(self.stop_stiffness, "N*m", "stop_stiffness"),
+            **_hinge(self),
             signal=f"moment_{number}",
         )
 

@@ -26,7 +26,6 @@ from ..answers import Caution, collect, warn
 from ..assembly.machine import Machine
 from ..components import paths
 from ..components.system import Value
-from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.plausible import BEYOND, parameter_caution, span_cautions, start_pressure_caution
 from ..quantities import named_values, random_generator, with_unit
@@ -117,7 +116,11 @@ class Simulation(SteppedSimulation):
         self.commands = tuple(dict.fromkeys(d.command for d in self.drives))
         self._start_commands = dict.fromkeys(self.commands, 0.0) | self.air.begins | system.start_commands(units)
         self._start_pressures = {n: self.air.starts.get(n, 0.0) for n in units} | system.start_pressures(units)
-        self.plant = CommandedMachine(self.machine, drives=self.drives, shown=_shown(system, units))
+        fields = dict(system.fields())  # of an observation; a single muscle needs no name
+        for name in units:
+            for output in OF_MUSCLES:
+                fields[output if len(units) == 1 else f"{name}_{output}"] = f"{name}.{output}"
+        self.plant = CommandedMachine(self.machine, drives=self.drives, shown=tuple(fields.items()))
         units_of = {name: described(output)[0] for name, output in self.plant.shown}
         sizes = _noise_sizes(noise or {}, units_of)
         self.noise = np.array([sizes.get(name, 0.0) for name in units_of]) if sizes else None
@@ -250,7 +253,7 @@ class Simulation(SteppedSimulation):
                 if not low <= value <= high:  # or it is no number
                     self.check_command(name, value)
                 buffer[place] = value
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError):  # words with a unit, or what is refused
             for name, value in commands.items():
                 place, number = self._place(name), in_si(value, self._unit(name), name)
                 self.check_command(name, number)
@@ -318,17 +321,7 @@ class Simulation(SteppedSimulation):
         if self._begin is None:
             self.reset()
         assert self._begin is not None
-        return self.recording_of(self._begin, np.array(self._log).reshape(-1, len(self.commands)), self._sensed)
-
-    def recording_of(self, start: SimulationState, commands: np.ndarray, sensed: list[list[float]]) -> Recording:
-        """The recording of other samples of this simulation.
-
-        Args:
-            start: from which they went on.
-            commands: held in each sample, (samples, commands).
-            sensed: observations with their noise, one more than samples; empty without noise.
-        """
-        return record(self, start, commands, sensed)
+        return record(self, self._begin, np.array(self._log).reshape(-1, len(self.commands)), self._sensed)
 
     def batch(self, lanes: int, changes: Mapping[str, Scalar] | None = None) -> SimulationBatch:
         """Many such simulations side by side, each with its own state and commands.
@@ -677,15 +670,6 @@ def _limited(drives: tuple[CommandInput, ...], limits: Mapping[str, tuple[Amount
             raise InputError("limits", name, known=units)
         held[name] = ends_in_si(pair, units[name], f"limits of {name}")
     return tuple(d._replace(limits=held.get(d.command)) for d in drives)
-
-
-def _shown(system: Mechanism, units: Mapping[str, JsonValue]) -> tuple[tuple[str, str], ...]:
-    """Fields of an observation, and the outputs that they show; a single muscle needs no name."""
-    fields = dict(system.fields())
-    for name in units:
-        for output in OF_MUSCLES:
-            fields[output if len(units) == 1 else f"{name}_{output}"] = f"{name}.{output}"
-    return tuple(fields.items())
 
 
 @functools.cache

@@ -154,11 +154,9 @@ def fit_tables(
         loaded = [(ForceMap.joined([points for points, _ in loaded], f"{len(loaded)} runs"), loaded[0][1])]
     named_by_person(*(law or ()))
     every, named = not law or ALL in law, [name for name in law or () if name != ALL]
-    # parameters that are not fitted, of the laws that are
-    fields = {
-        key: q.unit for name in ([*LAWS, *named] if every else named) for key, q in declared(law_type(name)).items()
-    }
-    stated = {name: _stated(name, value, fields) for name, value in (known or {}).items()}
+    laws = [*LAWS, *named] if every else named
+    units = {key: q.unit for name in laws for key, q in declared(law_type(name)).items()}
+    stated = {name: _stated(name, value, units) for name, value in (known or {}).items()}
     rankings: list[Ranking] = []
     for points, spec in loaded:
         found = fit_laws(

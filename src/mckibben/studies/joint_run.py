@@ -115,7 +115,14 @@ def record_joint(
             raise InputError("angle", angle, problem)
         seconds = 1.0 if duration is None else float(duration)
         courses = {"angle": _course(angle, "rad", "angle"), "stiffness": _course(stiffness, "N*m/rad", "stiffness")}
-        recording = _held(flexor, extensor, courses, seconds, float(arm), float(inertia), seed)
+        from ..assembly.loads import MomentArm
+        from ..bench.joint_run import SPAN, joint_stand, run_joint
+
+        bends = MomentArm(coefficients=np.array([float(arm)]), span=SPAN)
+        stand = joint_stand(flexor, extensor, flexor_arm=bends, inertia=float(inertia))
+        recording = run_joint(
+            stand, duration=seconds, angle=courses["angle"], stiffness=courses["stiffness"], seed=seed
+        )
         own = collect(*(_late_caution(name, course, seconds) for name, course in courses.items()))
     else:
         # a value with its text, so that sentences call it as it was typed
@@ -134,24 +141,6 @@ def record_joint(
     known = {one.text for one in own}
     found = (Caution(text) for text in recording.meta.get("warnings", ()) if text not in known)
     return JointRecording(recording, angle is not None, collect(*own, *found))
-
-
-def _held(
-    flexor: Any,
-    extensor: Any,
-    courses: Mapping[str, _HeldValues],
-    seconds: float,
-    arm: float,
-    inertia: float,
-    seed: int,
-) -> Recording:
-    """Run the controller of a rig on set-points."""
-    from ..assembly.loads import MomentArm
-    from ..bench.joint_run import SPAN, joint_stand, run_joint
-
-    bends = MomentArm(coefficients=np.array([arm]), span=SPAN)
-    stand = joint_stand(flexor, extensor, flexor_arm=bends, inertia=inertia)
-    return run_joint(stand, duration=seconds, angle=courses["angle"], stiffness=courses["stiffness"], seed=seed)
 
 
 def _courses(simulation: Simulation, commands: Mapping[str, str]) -> dict[str, _HeldValues]:

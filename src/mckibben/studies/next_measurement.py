@@ -160,9 +160,7 @@ class NextReadings(Answer):
         expected = (Column(key, title, "N", beside=True) for key, title in
                     (("tension", "expected"), ("low", "95 %: from"), ("high", "to")))  # fmt: skip
         columns = (
-            Column("number", "", right=True),
-            Column("length", unit="m", beside=True),
-            Column("pressure", unit="Pa", beside=True),
+            *PLACE,
             *expected,
             Column("half_width", "interval after it, \u00b1", "1", shown="%", places=".1f"),
         )

@@ -292,7 +292,7 @@ def _runner(case: Case, key: str, heat: HeatModel, changes: Mapping[str, float])
     circuit, signals = trial.with_parameters(changes)
     state = circuit.at_rest(trial.initial, {name: s.at(0, 0.0, PERIOD) for name, s in signals.items()})
 
-    @functools.partial(jax.jit)
+    @jax.jit
     def run(circuit: Any, state: Tree, signals: Any) -> Any:
         _, kept = march(circuit, state, {}, signals, PERIOD, round(PERIOD / STEP), trial.samples, False)
         return kept[2][CHANNEL]

@@ -198,7 +198,7 @@ def channel(record: Recording, names: Sequence[str]) -> str:
 
 def places(record: Recording) -> dict[str, str]:
     """Channels of length, pressure and tension, measured ones first; of a file of others by their names or units."""
-    from ..report.recording_report import LENGTHS, PRESSURES, TENSIONS
+    from ..studies.comparison.table import LENGTHS, PRESSURES, TENSIONS
 
     named = {"length": LENGTHS, "pressure": PRESSURES, "tension": TENSIONS}
     channels = {quantity: channel(record, names) for quantity, names in named.items()}

@@ -15,6 +15,7 @@ from mckibben.documents import JsonValue
 from mckibben.report.figures import style
 from mckibben.report.figures.places import ArtistPlace, set_place
 from mckibben.report.figures.style import CAUTION, INK, INK_2, INK_3, MIDDLE, PANEL, SMALL, number
+from mckibben.specimens import specimen
 
 from .rows import PrintedRow, RowOutcome, Value, computed_row, rows_by_name
 from .rows import printed as printed
@@ -165,15 +166,8 @@ def shown(value: float, digits: int = 3) -> str:
     return number(round(value, digits - 1 - power), max(digits - 1 - power, 0))
 
 
-def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remarks: Sequence[str] = ()) -> float:
-    """List our numbers and the paper's right of the axes; return the lower end, below the top [pt].
-
-    Args:
-        ax: the axes.
-        entries: the lines.
-        dx: distance from the axes [pt].
-        remarks: quieter lines below.
-    """
+def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remarks: Sequence[str] = ()) -> None:
+    """List our numbers and the paper's, right of the axes by `dx` [pt], and quieter remarks below."""
     look: dict[str, Any] = {"fontsize": SMALL, "va": "center_baseline"}
     words, ours, paper = (dx + c for c in COLUMNS)
     y = -4.0
@@ -193,7 +187,6 @@ def numbers(ax: Axes, entries: Sequence[NumberEntry], *, dx: float = 20.0, remar
     for foot in [*(words for sign, words in feet.items() if any(e.mark == sign for e in entries)), *remarks]:
         style.note(ax, foot, x=1.0, dx=words, dy=y, **look | {"color": INK_3})
         y -= LEADING - 1.0
-    return -y
 
 
 def key(ax: Axes, handles: Sequence[Artist], *, dx: float = 20.0, below: float | None = None) -> None:
@@ -218,6 +211,11 @@ def sample(words: str, **look: JsonValue) -> Line2D:
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=words, **look)
+
+
+def rest_length(muscle: str) -> float:
+    """L0 [m]."""
+    return specimen(muscle).property_si("rest_length", "m")
 
 
 def printed_key(words: str = "paper", *, line: bool = False) -> Line2D:

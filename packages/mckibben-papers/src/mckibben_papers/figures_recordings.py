@@ -31,6 +31,7 @@ from .figure_parts import (
     panel,
     printed,
     printed_key,
+    rest_length,
     right_axis,
     sample,
     shown,
@@ -64,10 +65,8 @@ class RecordedMuscle(NamedTuple):
 
 
 NYLON, SMALL_RANGE = RecordedMuscle("nylon", "large"), RecordedMuscle("nylon", "small")
-FIBERGLASS, BRIDGESTONE = (
-    RecordedMuscle("fiberglass", "fiberglass"),
-    RecordedMuscle("bridgestone", "bridgestone", measured.MODERN),
-)
+FIBERGLASS = RecordedMuscle("fiberglass", "fiberglass")
+BRIDGESTONE = RecordedMuscle("bridgestone", "bridgestone", measured.MODERN)
 
 
 def loops_of(subject: RecordedMuscle, pressure: str) -> Recording:
@@ -84,11 +83,6 @@ def loops_of(subject: RecordedMuscle, pressure: str) -> Recording:
         **FEWER,
     )
     return step_of(whole, "loops")
-
-
-def rest_length(muscle: str) -> float:
-    """L0 [m]."""
-    return specimen(muscle).property_si("rest_length", "m")
 
 
 # ---- Fig. 3
@@ -195,10 +189,8 @@ def _mean(record: Recording, subject: RecordedMuscle, channel: str = TENSION) ->
     rising, falling = paths(record, length=SPAN, tension=channel)
     low, high = max(rising.length[0], falling.length[0]), min(rising.length[-1], falling.length[-1])
     at = np.linspace(low, high, POINTS)
-    x, y = (
-        np.concatenate([at, at[::-1], at[:1]]),
-        np.concatenate([rising.at(at), falling.at(at[::-1]), rising.at(at[:1])]),
-    )
+    x = np.concatenate([at, at[::-1], at[:1]])
+    y = np.concatenate([rising.at(at), falling.at(at[::-1]), rising.at(at[:1])])
     return (x - rest_length(subject.muscle)) * CM, y * (BAR if channel == "pressure" else 1.0)
 
 
@@ -353,10 +345,8 @@ def figure_10() -> Figure:
             _step(column, name, rising, dash)
         for j, ax in enumerate(column):
             ax.set_xlim(-BEFORE * MS, AFTER * MS)
-            last, y = (
-                j == 2,
-                (("Command, %", "valve"), ("Gauge pressure, bar", "pressure"), ("Tension, N", "tension"))[j],
-            )
+            last = j == 2
+            y = (("Command, %", "valve"), ("Gauge pressure, bar", "pressure"), ("Tension, N", "tension"))[j]
             style.quantity_axes(ax, x=("Time after the step, ms" if last else "", None), y=("", None) if i else y)
             ax.tick_params(labelbottom=last, labelleft=not i)
     for left, right in zip(axes[::2], axes[1::2], strict=True):
@@ -391,11 +381,6 @@ def figure_10() -> Figure:
     return fig
 
 
-def steps_of(name: str) -> Recording:
-    """The recorded steps of a range."""
-    return step_of(recording("isometric-step"), "steps", range=name)
-
-
 def window(record: Recording, rising: bool) -> tuple[CommandStep, Recording]:
     """The second rising or falling step with the record around it, time counted from the step."""
     step = [s for s in find_steps(record, "valve.command") if (s.after > s.before) == rising][1]
@@ -405,7 +390,7 @@ def window(record: Recording, rising: bool) -> tuple[CommandStep, Recording]:
 
 
 def _step(axes: Sequence[Axes], name: str, rising: bool, dash: Any) -> None:
-    record = steps_of(name)
+    record = measured.steps(name)
     step, part = window(record, rising)
     time, full = part.time * MS, name == "full"
     thin = style.LINE + 0.2 if full else 0.8

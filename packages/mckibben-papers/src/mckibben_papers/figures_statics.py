@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -39,6 +39,7 @@ from .figure_parts import (
     panel,
     printed,
     printed_key,
+    rest_length,
     right_axis,
     sample,
     shown,
@@ -127,7 +128,7 @@ def figure_5b() -> Figure:
     fig, ax, handles = _over_length(
         "5b", "Nylon muscle: diameter", ("Diameter, cm", "length"), np.asarray(outer) * CM, inner
     )
-    free = printed("static.zero_tension_length") * specimen("nylon").property_si("rest_length", "m")
+    free = printed("static.zero_tension_length") * rest_length("nylon")
     measured = specimen("nylon").property_si("diameter_shortened", "m") * CM
     ax.plot([free * CM], [measured], **MARK)
     ax.set_ylim(0.0, 1.55)
@@ -145,7 +146,7 @@ def figure_5c() -> Figure:
     inside = np.asarray(braid.inner_volume(at, **shape)) * ml
     fig, ax, handles = _over_length("5c", "Nylon muscle: volume", ("Volume, cm³", None), np.asarray(whole) * ml, inside)
     ax.set_ylim(0.0, 16.5)
-    rest = specimen("nylon").property_si("rest_length", "m")
+    rest = rest_length("nylon")
     volume = float(braid.inner_volume(rest, **shape)) * ml
     inferred = float(linear().rest_volume) * ml
     ax.plot([rest * CM], [inferred], **MARK | {"marker": "D", "ms": 5.0})
@@ -167,7 +168,7 @@ def figure_5d() -> Figure:
         "5d", "Nylon muscle: tension per pressure", ("Tension per pressure, N/bar", "tension"), *curves
     )
     ax.axhline(0.0, color=style.INK_3, lw=style.HAIR)
-    rest = specimen("nylon").property_si("rest_length", "m")
+    rest = rest_length("nylon")
     ends = [np.asarray(law.active_tension(rest, computed.PRESSURE)) / computed.PRESSURE * per_bar for law in laws()]
     free = [float(np.asarray(law.free_length(computed.PRESSURE))) / rest for law in laws()]
     numbers(
@@ -306,16 +307,12 @@ NO_FRICTION, POTENTIAL = style.RECORDING_DASHES[1], style.RECORDING_DASHES[2]
 CYCLE_HEIGHT, ABOVE = 4.0, 36.0  # of the figures [inch], and of their titles over the axes [pt]
 
 
-def _loops(*names: str) -> list[CycleLoops]:
-    """Cycles at 5 bar, each exchanging gas with the surroundings and with the accumulator."""
-    return [cycle_loops(part4.muscle(), n, part4.conditions(accumulator=a)) for n in names for a in (False, True)]
-
-
 @style.styled()
 def figure_12a() -> Figure:
     """Pressure over volume of the maximal cycle."""
     rows = [("ABCD", "energy.maximal.input"), ("A′BCD′", "energy.maximal.input_accumulator")]
-    return _piston("12a", _loops("maximal"), "Maximal shortening at constant pressure: compressor", rows)
+    words = "Maximal shortening at constant pressure: compressor"
+    return _cycles("12a", energy_figures.draw_piston, ("maximal",), words, rows)
 
 
 @style.styled()
@@ -326,7 +323,9 @@ def figure_12b() -> Figure:
         ("Ea", "energy.maximal.efficiency"),
         ("Ea, accumulator", "energy.maximal.efficiency_accumulator"),
     ]
-    return _tendon("12b", _loops("maximal"), "Maximal shortening at constant pressure: muscle", rows)
+    return _cycles(
+        "12b", energy_figures.draw_tendon, ("maximal",), "Maximal shortening at constant pressure: muscle", rows
+    )
 
 
 @style.styled()
@@ -398,7 +397,7 @@ def figure_13a() -> Figure:
         ("EF′GH", "energy.valve.input"),
         ("E′F′GH′", "energy.valve.input_accumulator"),
     ]
-    return _piston("13a", _loops("isotonic", "valve"), "Isotonic shortening: compressor", rows)
+    return _cycles("13a", energy_figures.draw_piston, ("isotonic", "valve"), "Isotonic shortening: compressor", rows)
 
 
 @style.styled()
@@ -411,20 +410,19 @@ def figure_13b() -> Figure:
         ("Ec", "energy.valve.efficiency"),
         ("Ec, accumulator", "energy.valve.efficiency_accumulator"),
     ]
-    return _tendon("13b", _loops("isotonic", "valve"), "Isotonic shortening: muscle", rows)
+    return _cycles("13b", energy_figures.draw_tendon, ("isotonic", "valve"), "Isotonic shortening: muscle", rows)
 
 
-def _piston(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
+def _cycles(
+    figure: str,
+    draw: Callable[[Axes, list[CycleLoops]], object],
+    names: Sequence[str],
+    words: str,
+    rows: Sequence[tuple[str, str]],
+) -> Figure:
+    """Draw cycles at 5 bar, each exchanging gas with the surroundings and with the accumulator."""
     fig, ax = panel(CYCLE_HEIGHT)
-    energy_figures.draw_piston(ax, loops)
-    title(ax, figure, words, above=ABOVE)
-    numbers(ax, [entry(w, r) for w, r in rows])
-    return fig
-
-
-def _tendon(figure: str, loops: Sequence[CycleLoops], words: str, rows: Sequence[tuple[str, str]]) -> Figure:
-    fig, ax = panel(CYCLE_HEIGHT)
-    energy_figures.draw_tendon(ax, loops)
+    draw(ax, [cycle_loops(part4.muscle(), n, part4.conditions(accumulator=a)) for n in names for a in (False, True)])
     title(ax, figure, words, above=ABOVE)
     numbers(ax, [entry(w, r) for w, r in rows])
     return fig
@@ -452,10 +450,9 @@ def cells() -> list[tuple[str, str, tuple[TableEntry, ...]]]:
     ends = characteristics.dynamic_range(bio.active_curve)
     top, speed = style.number(computed.INTENSITY * from_si(1.0, "N/m^2", "N/cm^2")), style.number(computed.FASTEST)
     each = tuple(MUSCLES)
-    lengths = [style.number(specimen(muscle).property_si("rest_length", "m") * CM) for muscle in each]
     blank = (TableEntry(), TableEntry())
     return [
-        ("Resting length (L₀)", "cm", (*map(_taken, lengths), TableEntry())),
+        ("Resting length (L₀)", "cm", (*(_taken(style.number(rest_length(m) * CM)) for m in each), TableEntry())),
         (
             "Dynamic range",
             "L₀",

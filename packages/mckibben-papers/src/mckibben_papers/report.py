@@ -143,13 +143,7 @@ def draw(figures: Iterable[PaperFigure], tell: Callable[[PaperFigure], None] | N
 
 
 def reproduction_report(outcomes: Sequence[RowOutcome], drawn: Sequence[Drawn] = (), *, left_out: str = "") -> Document:
-    """Build the report of rows and figures.
-
-    Args:
-        outcomes: judged rows.
-        drawn: figures.
-        left_out: a sentence on what was not asked for.
-    """
+    """Build the report of judged rows and of figures, with a sentence on what was not asked for."""
     first, second = ([d for d in drawn if (d.of.paper == CONFERENCE) is later] for later in (False, True))
     predicted = [o for o in predictions_first(outcomes) if is_prediction(o.row)]
     others = [o for o in outcomes if not is_prediction(o.row)]
@@ -281,10 +275,8 @@ def _row(outcome: RowOutcome, drawn: Sequence[Drawn]) -> TableRow:
     if outcome.verdict == "misprint":
         theirs = Span(printed(row.paper), "struck")
     shows = [d.of for d in drawn if row.id in d.of.rows]
-    links = tuple(p for f in shows for p in ("  ", Hyperlink(_named(f), _anchor("figure", f.id))))
-    first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
-    named = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
-    description = (named, " ", Span(row.id, "code"), *links)
+    links = tuple(p for f in shows for p in ("  ", Hyperlink(figure_name(f), _anchor("figure", f.id))))
+    description = (row.heading, " ", Span(row.id, "code"), *links)
     computed = TableCell(significant(ours) if ours is not None else "\N{EN DASH}", "best" if ours is not None else "")
     cells = (
         _mark(kind_of(outcome)),
@@ -305,14 +297,15 @@ def _said(note: str) -> Text:
 
 def _figure(drawn: Drawn) -> Figure:
     of = drawn.of
-    caption = (Span(f"{_named(of)}. {of.title}.", "strong"), f" {of.caption}" if of.caption else "")
-    return Figure(drawn.picture, caption, f"{_named(of)}: {of.title}", anchor=_anchor("figure", of.id))
+    caption = (Span(f"{figure_name(of)}. {of.title}.", "strong"), f" {of.caption}" if of.caption else "")
+    return Figure(drawn.picture, caption, f"{figure_name(of)}: {of.title}", anchor=_anchor("figure", of.id))
 
 
-def _named(figure: PaperFigure) -> str:
+def figure_name(figure: PaperFigure, space: str = "\N{NO-BREAK SPACE}") -> str:
+    """Number of a figure as printed in the papers, with a space in front of it that breaks no line."""
     year, _, number = figure.id.rpartition("-")
-    name = f"Table {number.removeprefix('table')}" if number.startswith("table") else f"Fig. {number}"
-    return name.replace(" ", "\N{NO-BREAK SPACE}") + (f" of {year}" if year else "")
+    name = f"Table{space}{number.removeprefix('table')}" if number.startswith("table") else f"Fig.{space}{number}"
+    return f"{name} of {year}" if year else name
 
 
 def _anchor(kind: str, name: str) -> str:

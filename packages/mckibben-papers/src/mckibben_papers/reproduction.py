@@ -19,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from mckibben.analysis.segments import segments
 from mckibben.assembly.build import rig_cord, unit_from_specimen
@@ -53,16 +54,19 @@ class Folder:
     def __init__(self, place: Path, alive: Callable[[], bool] | None = None) -> None:
         self.place, self.alive = place, alive
 
+    def file(self, key: str) -> Path:
+        """Where the recording of a key stands."""
+        return self.place / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.nc"
+
     def one(self, key: str, make: Callable[[], Recording]) -> Recording:
         """Recording of a key: from the other process, or made here.
 
         Raises:
             ElsewhereError: the other process makes it, and it is not waited for.
         """
-        name = hashlib.sha256(key.encode()).hexdigest()[:24]
-        file = self.place / f"{name}.nc"
+        file = self.file(key)
         try:
-            os.close(os.open(self.place / f"{name}.claim", os.O_CREAT | os.O_EXCL))
+            os.close(os.open(file.with_suffix(".claim"), os.O_CREAT | os.O_EXCL))
         except FileExistsError:  # the other process has begun it
             if self.alive is None:
                 raise ElsewhereError(key) from None
@@ -75,7 +79,22 @@ class Folder:
         return recording
 
 
+Listed = TypeVar("Listed")
 _folders: list[Folder] = []
+_tellers: list[Callable[[str], None]] = []
+_saved_in: list[Path] = []
+
+
+@contextlib.contextmanager
+def _among(listed: list[Listed], one: Listed | None) -> Iterator[None]:
+    """Have something in a list, within the context; nothing where it is None."""
+    if one is not None:
+        listed.append(one)
+    try:
+        yield
+    finally:
+        if one is not None:
+            listed.pop()
 
 
 def shared(key: str, make: Callable[[], Recording]) -> Recording:
@@ -83,14 +102,14 @@ def shared(key: str, make: Callable[[], Recording]) -> Recording:
     return _folders[-1].one(key, make) if _folders else make()
 
 
-@contextlib.contextmanager
-def kept_in(folder: Folder) -> Iterator[None]:
+def kept_in(folder: Folder) -> contextlib.AbstractContextManager[None]:
     """Read and write recordings in a folder, within the context."""
-    _folders.append(folder)
-    try:
-        yield
-    finally:
-        _folders.remove(folder)
+    return _among(_folders, folder)
+
+
+def told(tell: Callable[[str], None] | None) -> contextlib.AbstractContextManager[None]:
+    """Report which recording is being made and its progress to `tell`, within the context."""
+    return _among(_tellers, tell)
 
 
 SPAN, TENSION = "span", "tension"  # channels that the machine measures
@@ -98,20 +117,6 @@ FIVE_BAR = "5 bar"
 RIGID_CORD = Tendon(stiffness=1e7, toe_length=5e-6, loss=0.2)  # 80 N stretch it by a hundredth of a millimetre
 RIGID_FRAME = {"frame.stiffness": "1e8 N/m"}
 reproduces = functools.partial(reproduces_row, recordings=True)  # a row that is computed of recordings
-_tellers: list[Callable[[str], None]] = []
-
-
-@contextlib.contextmanager
-def told(tell: Callable[[str], None] | None) -> Iterator[None]:
-    """Report which recording is being made and its progress to `tell`, within the context."""
-    if tell is None:
-        yield
-        return
-    _tellers.append(tell)
-    try:
-        yield
-    finally:
-        _tellers.pop()
 
 
 @functools.cache
@@ -188,30 +193,21 @@ def recording(
     return record
 
 
-_saved_in: list[Path] = []
-
-
-@contextlib.contextmanager
-def saved_in(folder: str | os.PathLike[str] | None) -> Iterator[None]:
+def saved_in(folder: str | os.PathLike[str] | None) -> contextlib.AbstractContextManager[None]:
     """Save every recording that is made or read within the context as a ``.nc`` file in a folder, which is made if needed.
 
     Raises:
         InputError: the place is a file, or its parent folder is missing.
     """
     if folder is None:
-        yield
-        return
+        return contextlib.nullcontext()
     place = Path(folder)
     if place.exists() and not place.is_dir():
         raise InputError("folder", str(place), "must be a folder; it is a file")
     if not place.absolute().parent.is_dir():
         raise not_found(place.absolute().parent, "folder")
     place.mkdir(exist_ok=True)
-    _saved_in.append(place)
-    try:
-        yield
-    finally:
-        _saved_in.pop()
+    return _among(_saved_in, place)
 
 
 def step_of(record: Recording, label: str, **case: str | float) -> Recording:
@@ -220,9 +216,9 @@ def step_of(record: Recording, label: str, **case: str | float) -> Recording:
     return step
 
 
-def saturation_words(record: Recording, channel: str = "tension") -> str:
-    """Describe a channel's samples at the end of its range; empty if there are none."""
-    said = record.meta["saturation"].get(channel)
+def saturation_words(record: Recording) -> str:
+    """Describe the samples of the tension at the end of its range; empty if there are none."""
+    said = record.meta["saturation"].get("tension")
     return "" if said is None else str(said["sentence"])
 
 

@@ -61,6 +61,12 @@ class PrintedRow(NamedTuple):
     printed: bool = True
 
     @property
+    def heading(self) -> str:
+        """The description with a capital; a symbol such as dF/dL keeps its letters."""
+        first = self.what.split(" ", 1)[0]
+        return self.what[:1].upper() + self.what[1:] if first.isalpha() and first.islower() else self.what
+
+    @property
     def calibrated(self) -> bool:
         """Whether inputs of this row were inferred from others that are printed."""
         return self.basis == "other rows"
@@ -195,8 +201,7 @@ def computed_row(row: PrintedRow) -> RowOutcome:
     computed = way.compute()
     value, remark = computed if isinstance(computed, ComputedValue) else (computed, "")
     ours = in_row_unit(row.id, value)
-    said = [_again(row), row.note, way.note, remark, _reasoned(row), _based(row)]
-    return RowOutcome(row, ours, judge(row, ours), "; ".join(filter(None, said)))
+    return RowOutcome(row, ours, judge(row, ours), said_of(row, way.note, remark))
 
 
 def reproduce_row(row: PrintedRow) -> RowOutcome:
@@ -225,28 +230,14 @@ def in_row_unit(name: str, value: float) -> float:
     return from_si(value, way.si_unit, plain)
 
 
-def said_of(row: PrintedRow) -> str:
-    """Remarks on a row before it is computed: its note, why its tolerance is wide, and what goes into it."""
-    return "; ".join(filter(None, (_again(row), row.note, _reasoned(row), _based(row))))
-
-
-def _again(row: PrintedRow) -> str:
-    return f"the number of {row.repeats}, told again" if row.repeats else ""
-
-
-def _based(row: PrintedRow) -> str:
-    """Words on what went in; for a row without a declaration none."""
-    if not row.inputs or row.expect == "synthetic":
-        return row.inputs
-    return f"{'inferred' if row.basis in ('other rows', 'words') else BASES[row.basis]}: {row.inputs}"
-
-
-def _reasoned(row: PrintedRow) -> str:
-    if not row.reason:
-        return ""
-    return (
-        f"interval: {row.reason}" if row.expect == "range" else f"tolerance {100.0 * row.tolerance:g} %: {row.reason}"
-    )
+def said_of(row: PrintedRow, *computed: str) -> str:
+    """Remarks on a row: its note, what computing it adds, why its tolerance is wide, and what goes into it."""
+    again = f"the number of {row.repeats}, told again" if row.repeats else ""
+    allowed = "interval" if row.expect == "range" else f"tolerance {100.0 * row.tolerance:g} %"
+    inputs = row.inputs
+    if inputs and row.expect != "synthetic":
+        inputs = f"{'inferred' if row.basis in ('other rows', 'words') else BASES[row.basis]}: {inputs}"
+    return "; ".join(filter(None, (again, row.note, *computed, row.reason and f"{allowed}: {row.reason}", inputs)))
 
 
 def needs_recording(row: PrintedRow) -> bool:

@@ -45,6 +45,7 @@ def uniform(seed: int, index: np.ndarray) -> np.ndarray:
     return (mixed >> np.uint64(11)).astype(float) * 2.0**-53
 
 
+@functools.cache
 def register_bits(order: int) -> np.ndarray:
     """One period of a shift register that starts with ones, bool (2^order - 1,)."""
     state, bits = (1 << order) - 1, []
@@ -214,7 +215,7 @@ class Binary(Waveform):
 
     def at(self, times: Scalar) -> np.ndarray:
         """The sequence, from a place in it that the seed chooses."""
-        bits = _sequence(self.order)
+        bits = register_bits(self.order)
         place = np.floor((np.asarray(times, float) + JUMP) / self.hold).astype(np.int64)
         return np.where(bits[(place + self.seed) % len(bits)], float(self.high), float(self.low))
 
@@ -226,11 +227,6 @@ class Binary(Waveform):
     def fastest(self) -> float:
         """Rate of one change per hold [1/s]."""
         return 0.5 / self.hold
-
-
-@functools.cache
-def _sequence(order: int) -> np.ndarray:
-    return register_bits(order)
 
 
 def pair(wave: Any, unit: str) -> str:
@@ -493,26 +489,16 @@ class PointTable(Waveform):
         return f"table of {len(self.times)} points in {time_words(self.times[-1])}{origin}, {ends}, {self.between}"
 
 
-@register
 @dataclass(frozen=True, kw_only=True)
-class Sum(Waveform):
-    """A sum of waveforms, interpolated linearly if one of them is."""
+class CompoundWaveform(Waveform):
+    """A waveform of others, interpolated linearly if one of them is."""
 
-    kind: ClassVar[str] = "sum"
     parts: tuple[Waveform, ...] = schema.entry(read_parts)
 
     @property
     def straight(self) -> bool:
         """Whether one of the parts is interpolated linearly."""
         return any(p.straight for p in self.parts)
-
-    def at(self, times: Scalar) -> np.ndarray:
-        """The sum at some times [s]."""
-        return sum((p.at(times) for p in self.parts), np.zeros(np.shape(times)))
-
-    def sentence(self, unit: str) -> str:
-        """The parts, joined by plus."""
-        return " plus ".join(p.sentence(unit) for p in self.parts)
 
     @property
     def fastest(self) -> float:
@@ -522,11 +508,26 @@ class Sum(Waveform):
 
 @register
 @dataclass(frozen=True, kw_only=True)
-class Sequence(Waveform):
+class Sum(CompoundWaveform):
+    """A sum of waveforms."""
+
+    kind: ClassVar[str] = "sum"
+
+    def at(self, times: Scalar) -> np.ndarray:
+        """The sum at some times [s]."""
+        return sum((p.at(times) for p in self.parts), np.zeros(np.shape(times)))
+
+    def sentence(self, unit: str) -> str:
+        """The parts, joined by plus."""
+        return " plus ".join(p.sentence(unit) for p in self.parts)
+
+
+@register
+@dataclass(frozen=True, kw_only=True)
+class Sequence(CompoundWaveform):
     """Waveforms one after the other, each with its own time from 0 s on; the last one stays."""
 
     kind: ClassVar[str] = "sequence"
-    parts: tuple[Waveform, ...] = schema.entry(read_parts)
     lasting: tuple[float, ...] = ()
 
     @classmethod
@@ -539,11 +540,6 @@ class Sequence(Waveform):
                 raise one.fail("lasts", None, "is missing: every part of a sequence needs a duration")
         lasting = [one.number("lasts", "s", declared=LASTING) for one in parts]
         return table.derived({"parts": [one.without("lasts").values for one in parts]}), {"lasting": tuple(lasting)}
-
-    @property
-    def straight(self) -> bool:
-        """Whether one of the parts is interpolated linearly."""
-        return any(p.straight for p in self.parts)
 
     def at(self, times: Scalar) -> np.ndarray:
         """Each part in its turn, at some times [s]."""
@@ -560,8 +556,3 @@ class Sequence(Waveform):
         """The parts with their times, joined by then."""
         timed = zip(self.parts, self.lasting, strict=True)
         return ", then ".join(f"{p.sentence(unit)} for {time_words(t)}" for p, t in timed)
-
-    @property
-    def fastest(self) -> float:
-        """Rate of the fastest part [1/s]."""
-        return max(p.fastest for p in self.parts)

@@ -127,9 +127,7 @@ def draw_measured_loop(
 
 
 @style.styled()
-def swept_loops_figure(
-    loops: Sequence[SweptLoop], x: ChannelPanel, y: ChannelPanel, *, title: str = "", note: str = ""
-) -> Figure:
+def swept_loops_figure(loops: Sequence[SweptLoop], x: ChannelPanel, y: ChannelPanel, *, title: str = "") -> Figure:
     """Draw loops over one another, each labelled at its line with the value of the parameter.
 
     Raises:
@@ -149,7 +147,7 @@ def swept_loops_figure(
     ax.set_xlim(*ax.get_xlim())
     ax.set_ylim(*ax.get_ylim())
     style.quantity_axes(ax, x=(x.heading, x.quantity), y=(y.heading, y.quantity))
-    style.heading(ax, title, note, above=24.0)
+    style.heading(ax, title, above=24.0)
     for one, curve, (i, sides) in zip(loops, curves, _apart(ax, curves), strict=True):
         style.beside(
             ax,

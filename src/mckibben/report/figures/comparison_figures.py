@@ -255,10 +255,6 @@ def _step(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
     _until(200.0)(ax, muscles, lines)
 
 
-def _release(ax: Axes, muscles: Sequence[Trials], lines: Sequence[_Line]) -> None:
-    ax.set_xlim(0.0, 300.0)
-
-
 _LENGTH = ("Length over L₀", "length")
 _TENSION = ("Tension over F₀", "tension")
 _TIME = ("Time, ms", None)
@@ -272,7 +268,7 @@ _STATIC: list[Panel] = [
 _PROTOCOLS: list[Panel] = [
     ("twitch", "Isometric twitch", f"bar: {PULSE * MS:.0f} ms command", _TIME, _TENSION, _twitch),
     ("step", "Isometric step", "rise and fall", _TIME, _TENSION, _step),
-    ("release", "Quick release", f"to {LOAD:g} F₀", _TIME, ("Length over L₀", "length"), _release),
+    ("release", "Quick release", f"to {LOAD:g} F₀", _TIME, _LENGTH, lambda ax, *_: ax.set_xlim(0.0, 300.0)),
     ("work_loop", "Work loop", "1 Hz", _LENGTH, _TENSION, _nothing),
 ]
 
@@ -283,7 +279,7 @@ _MATCHED = ("force_length", "passive", "force_velocity", "twitch")
 _TITLES = {
     "force_length": ("Full drive", _LENGTH),
     "passive": ("Not driven", _LENGTH),
-    "force_velocity": ("Shortening", ("Shortening velocity, L₀/s", None)),
+    "force_velocity": ("Shortening", _SPEED),
     "twitch": ("Twitch", _TIME),
 }
 

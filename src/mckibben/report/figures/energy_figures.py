@@ -380,12 +380,7 @@ def streams(account: EnergyAccount) -> tuple[Streams, Streams]:
 
 @style.styled()
 def energy_flow_figure(account: EnergyAccount, *, title: str = "Where the exergy went") -> Figure:
-    """Draw the streams of an account.
-
-    Args:
-        account: account of `analysis.energy_accounts`.
-        title: over the figure.
-    """
+    """Draw the streams of an account of `analysis.energy_accounts`."""
     _, muscle = streams(account)
     fig = style.figure(FLOW_WIDTH, FLOW_HEIGHT)
     upper = fig.add_axes((0.02, 0.44, 0.96, 0.46))

@@ -47,12 +47,7 @@ KEY = "▲ measured\N{EM SPACE}○ measured, slack\N{EM SPACE}— law"
 
 @style.styled()
 def tension_curves(fit: Fit, points: ForceMap) -> Figure:
-    """Draw measured tension over length and the fitted law, one line per pressure, one panel per rest length.
-
-    Args:
-        fit: the fitted law.
-        points: the whole table, slack points too.
-    """
+    """Draw the tension of a whole table and a law over length, a line per pressure, a panel per rest length."""
     muscles = _muscles(fit, points)
     several = len(muscles) > 1
     fig = style.figure(style.MIDDLE, 5.0 if several else 4.7)
@@ -92,16 +87,7 @@ def _tension_function() -> Callable[[TensionLaw, Any, Any], Any]:
 
 
 def tension_grid(law: TensionLaw, lengths: np.ndarray, pressures: Iterable[float]) -> np.ndarray:
-    """Signed force of the braid [N], negative where the muscle is slack.
-
-    Args:
-        law: the law.
-        lengths: lengths of the braid [m], shape (n,).
-        pressures: gauge [Pa].
-
-    Returns:
-        Shape (pressures, n).
-    """
+    """Signed force of the braid (pressures, n) [N] at lengths (n,) [m] and gauge pressures [Pa]; negative where slack."""
     function = _tension_function()
     # One pressure at a time and as an array, so that a law is compiled once for all figures.
     return np.stack([np.asarray(function(law, lengths, np.asarray(p, float))) for p in pressures])
@@ -113,7 +99,7 @@ def draw_fit(ax: Axes, fit: Fit, points: ForceMap) -> None:
     draw_curves(ax, law, some, top=some.largest)
 
 
-def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room: float = 10.5) -> None:
+def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float) -> None:
     """Draw points and lines into axes; labels right of them need about 45 pt."""
     taut = points.select(points.taut)
     levels, near = levels_of(points)
@@ -127,6 +113,7 @@ def draw_curves(ax: Axes, law: TensionLaw, points: ForceMap, *, top: float, room
     ax.set_xlim((lengths[0] - margin) * cm, (reach + margin) * cm)
     ax.set_ylim(-0.015 * top, 1.06 * max(top, float(np.nanmax(np.minimum(tension, 1.5 * top)))))
     style.quantity_axes(ax, x=("Length, cm", "length"), y=("Tension, N", "tension"))
+    room = 10.5  # of a label [pt]
     labelled = _apart(ax, tension[:, -1], room)
     for i, opacity in enumerate(style.graded(len(levels), 0.55)):
         strong = i in labelled

@@ -41,12 +41,7 @@ class PointInPicture(NamedTuple):
 
 
 class MechanismPicture:
-    """Pictures of a simulation's mechanism: a weight, a plate, a joint or a chain of joints.
-
-    Args:
-        simulation: simulation whose observations are drawn.
-        title: of the pictures.
-    """
+    """Pictures of what moves in a simulation: a weight, a plate, a joint or a chain of joints."""
 
     def __init__(self, simulation: Simulation, title: str = "") -> None:
         self.system, self.title = simulation.system, title

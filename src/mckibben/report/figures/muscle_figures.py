@@ -32,19 +32,16 @@ SCALES = (5.0, 2.0, 1.0, 0.5, 0.4, 0.25, 0.2, 0.1, 0.05, 0.02, 0.01)
 
 
 @style.styled()
-def law_curves(
-    law: TensionLaw, *, title: str, lengths: tuple[float, float] | None = None, pressures: Sequence[float] | None = None
-) -> Figure:
+def law_curves(law: TensionLaw, *, title: str, pressures: Sequence[float] | None = None) -> Figure:
     """Draw a law: tension over length, free length over pressure, and volume over length if the law has one.
 
     Args:
         law: the law.
         title: title of the muscle.
-        lengths: shortest and longest span to draw [m]; the law's own range by default.
         pressures: gauge pressures of the lines [Pa]; 1 to 5 bar by default.
     """
     bars = np.array(sorted(pressures or [1e5, 2e5, 3e5, 4e5, 5e5]), float)
-    span = lengths or working_lengths(law, float(bars[-1]))
+    span = working_lengths(law, float(bars[-1]))
     with_volume = law.has_volume()
     fig = style.figure(style.WIDE, 3.9)
     ratios = [1.55, 1.0, 1.0] if with_volume else [1.55, 1.0]
@@ -145,6 +142,7 @@ def draw_volume(ax: Axes, law: TensionLaw, span: tuple[float, float], pressures:
 
 # ---- laws beyond their ranges
 
+THREADS = 10  # that are drawn in each direction; a real braid has more
 PER_ROW = 4
 STRETCHED = (0.7, 1.3)  # of the rest length
 BARS = (0.0, 1e5, 3e5, 6e5)  # gauge [Pa]
@@ -197,9 +195,7 @@ def range_curves(laws: Mapping[str, TensionLaw]) -> Figure:
 
 
 @style.styled()
-def muscle_drawing(
-    shape: BraidShape, lengths: Sequence[float], *, title: str, remarks: Sequence[str] = (), threads: int = 10
-) -> Figure:
+def muscle_drawing(shape: BraidShape, lengths: Sequence[float], *, title: str, remarks: Sequence[str] = ()) -> Figure:
     """Draw a muscle at a few lengths to scale: diameter and braid angle follow the length, cos(theta) = L/b.
 
     Args:
@@ -207,7 +203,6 @@ def muscle_drawing(
         lengths: braid lengths, longest first [m]; below the thread length.
         title: title of the muscle.
         remarks: a word for each length, such as "at rest".
-        threads: drawn in each direction; a real braid has more.
 
     Raises:
         InputError: if a length is not between zero and the thread length.
@@ -229,7 +224,7 @@ def muscle_drawing(
     ax.set_ylim(tall * per_point, 0.0)
     left, y = 14.0 * per_point + fitting, head * per_point
     for value, width, remark in zip(lengths, widths, list(remarks) + [""] * len(lengths), strict=False):
-        draw_braid(ax, shape, value, (left, y + 0.5 * width), fitting, min(widths), threads, per_point)
+        draw_braid(ax, shape, value, (left, y + 0.5 * width), fitting, min(widths), THREADS, per_point)
         _dimensions(ax, shape, value, (left, y + 0.5 * width), fitting, per_point, remark)
         y += width + gaps * per_point
     head_text = ax.text(
@@ -238,13 +233,13 @@ def muscle_drawing(
     ratio = f"{scale:g} : 1" if scale >= 1.0 else f"1 : {1.0 / scale:g}"
     words = f"braid to scale, {ratio} on paper"
     if across >= style.MIDDLE:
-        words += f"; {threads} threads each way drawn"
+        words += f"; {THREADS} threads each way drawn"
     style.beside(ax, words, (1, 0), (7, 0), xycoords=head_text, color=INK_3, va="bottom")
     _scale_bar(ax, 14.0 * per_point, (tall - 16.0) * per_point, per_point, max(lengths))
     return fig
 
 
-def draw_muscle(ax: Axes, shape: BraidShape, lengths: Sequence[float], *, threads: int = 10) -> None:
+def draw_muscle(ax: Axes, shape: BraidShape, lengths: Sequence[float]) -> None:
     """A muscle at a few lengths, longest first [m], into axes, to the scale that their width leaves.
 
     Raises:
@@ -264,7 +259,7 @@ def draw_muscle(ax: Axes, shape: BraidShape, lengths: Sequence[float], *, thread
     left, y = 10.0 * point + fitting, 8.0 * point
     for value, width in zip(lengths, widths, strict=True):
         at = (left, y + 0.5 * width)
-        draw_braid(ax, shape, value, at, fitting, min(widths), threads, point)
+        draw_braid(ax, shape, value, at, fitting, min(widths), THREADS, point)
         _dimensions(ax, shape, value, at, fitting, point, "")
         y += width + gap * point
 
@@ -372,6 +367,7 @@ def _scale_bar(ax: Axes, x: float, y: float, point: float, longest: float) -> No
 
 
 # A slender head that points up, notched behind: an equilateral triangle would not say which way it points.
+ARROWS = 3  # along a path
 HEAD = ((0.0, 1.0), (0.62, -0.8), (0.0, -0.5), (-0.62, -0.8), (0.0, 1.0))
 
 
@@ -419,7 +415,7 @@ def loop_figure(
     return fig
 
 
-def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray, count: int = 3) -> None:
+def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray) -> None:
     """Draw arrowheads along a path, at equal shares of its drawn length after the first quarter."""
     from matplotlib.markers import MarkerStyle
     from matplotlib.path import Path
@@ -429,7 +425,7 @@ def _arrows(ax: Axes, x: np.ndarray, y: np.ndarray, count: int = 3) -> None:
     walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     if walked[-1] == 0.0:
         return
-    for share in (np.arange(count) + 0.6) / count:
+    for share in (np.arange(ARROWS) + 0.6) / ARROWS:
         i = min(max(int(np.searchsorted(walked, share * walked[-1])), 1), len(x) - 1)
         # The direction over a few points, for that of one step may be lost in noise.
         step = points[min(i + 1, len(x) - 1)] - points[max(i - 2, 0)]

@@ -91,12 +91,9 @@ def checked_names(record: Recording, names: Iterable[str], *, field: str = "--ch
 
 
 def usual_channels(parts: Sequence[Recording]) -> list[str]:
-    """Channels drawn by default: measured, commands in force and true values, quantity by quantity.
+    """Channels of parts that are drawn by default: measured, commands in force and true values, quantity by quantity.
 
     Without measured channels all pressures, tensions, lengths, flows and valves that are not zero throughout.
-
-    Args:
-        parts: parts of one recording.
     """
     record = parts[0]
     measured = record.names("measured")
@@ -475,20 +472,6 @@ def _right_end(family: ChannelFamily, panel: ChannelPanel, x: ChannelPanel) -> t
 
 
 def _head(ax: Axes, record: Recording, title: str | None, *, above: float) -> None:
-    note = _note(record)
-    head = str(record.meta.get("title", "")) if title is None else title
-    style.heading(ax, head, above=above + (12.0 if note else 0.0))
-    if note:
-        most = int(ax.figure.bbox.width / ax.figure.dpi * 72.0 * 0.92 / (0.58 * SMALL))
-        lines = 1 if formats.current_style().width is None else MOST_LINES
-        style.note(ax, _cut(note, lines * most), dy=above, va="bottom")
-
-
-def _cut(text: str, most: int) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
-
-
-def _note(record: Recording) -> str:
     meta = record.meta
     words = {"specimen": "", "rig": "rig "}
     said = [f"{before}{meta[key]}" for key, before in words.items() if isinstance(meta.get(key), str)]
@@ -499,7 +482,17 @@ def _note(record: Recording) -> str:
         share = entry.get("share") if isinstance(entry, Mapping) else None
         if isinstance(share, int | float) and share > 0.0:
             said.append(f"{name} at the end of its range in {100.0 * share:.2g} % of the recording")
-    return ", ".join(said)
+    note = ", ".join(said)
+    head = str(record.meta.get("title", "")) if title is None else title
+    style.heading(ax, head, above=above + (12.0 if note else 0.0))
+    if note:
+        most = int(ax.figure.bbox.width / ax.figure.dpi * 72.0 * 0.92 / (0.58 * SMALL))
+        lines = 1 if formats.current_style().width is None else MOST_LINES
+        style.note(ax, _cut(note, lines * most), dy=above, va="bottom")
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def _check_known(parts: Sequence[Recording], names: Sequence[str]) -> None:

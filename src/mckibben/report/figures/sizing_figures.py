@@ -29,12 +29,7 @@ _DASHES = ("-", (0, (8, 2)), (0, (4, 2.3)), (0, (1.2, 1.8)), (0, (5, 1.7, 1.2, 1
 
 @style.styled()
 def design_map(sizing: Sizing, *, law: str = "linear_threshold") -> Figure:
-    """Draw force over stroke at the required pressure, and response time over the mass of the lines.
-
-    Args:
-        sizing: the result.
-        law: with which the braids were designed.
-    """
+    """Draw force over stroke at the required pressure, and response time over the mass of the lines."""
     both = bool(sizing.lines)
     fig = style.figure(style.WIDE if both else style.MIDDLE, 4.6)
     ratios = [1.55, 1.0] if both else [1.0]

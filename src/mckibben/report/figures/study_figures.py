@@ -34,36 +34,36 @@ LEFT, ACROSS, BETWEEN, BARS = 0.5, (3.55, 2.15), 0.5, 2.0  # [inch]
 
 
 @style.styled()
-def tube_figure(study: TubeStudy, *, accumulator: str = SMALL) -> Figure:
+def tube_figure(study: TubeStudy) -> Figure:
     """Draw reference and models on one noise record and on the highest step, their errors, and all rms errors.
+
+    The pressures are those of the small accumulator, on which nothing is refitted.
 
     Args:
         study: with the paper's three models and the improved one.
-        accumulator: which one the pressures are shown for; on the small one nothing is refitted.
     """
     from matplotlib.lines import Line2D
 
     thermal = study.thermals[-1]
     fig = style.figure(style.WIDE, HEIGHT, rows=True, least=6.5)
-    cases = study.cases[thermal, accumulator]
+    cases = study.cases[thermal, SMALL]
     noise = next(i for i, c in enumerate(cases) if c.record.kind == "noise")
     steps = next(i for i, c in enumerate(cases) if c.record.kind == "steps")
-    kept = "parameters of 10 in³" if accumulator == SMALL else "fitted"
     case = cases[steps]
     rise = int(np.argmax(case.supply == case.supply.max()))
     start = rise * PERIOD - BEFORE
     windows = ((noise, 0.0, NOISE_SHOWN), (steps, *(start, start + AFTER)))
     left = LEFT
-    limit = _limit(study, thermal, accumulator, windows)
+    limit = _limit(study, thermal, windows)
     for column, ((index, begin, end), width) in enumerate(zip(windows, ACROSS, strict=True)):
         axes = _column(fig, left, width)
-        _pressures(axes[0], study, thermal, accumulator, index, (begin, end))
+        _pressures(axes[0], study, thermal, index, (begin, end))
         for ax, model in zip(axes[1:], SHOWN, strict=True):
-            _error(ax, study, thermal, accumulator, model, index, (begin, end), limit)
+            _error(ax, study, thermal, model, index, (begin, end), limit)
             if column == 0:
                 style.note(ax, models()[model].title, x=0.0, y=1.0, dx=3, dy=-5, color=INK, fontweight="bold")
         title = "Noise to 6 Hz" if column == 0 else "Step of 5 bar"
-        heading = f"{accumulator.replace('in3', ' in³')}, {kept}" if column == 0 else WORDS[thermal]
+        heading = f"{SMALL.replace('in3', ' in³')}, parameters of 10 in³" if column == 0 else WORDS[thermal]
         style.heading(axes[0], title, heading, above=24.0)
         axes[-1].set_xlabel("Time, s", color=INK, fontweight="bold", fontsize=style.SMALL + 0.5, labelpad=3)
         if column == 0:
@@ -109,16 +109,14 @@ def _part(case: Case, window: tuple[float, float]) -> tuple[slice, np.ndarray]:
     return some, PERIOD * np.arange(len(case.supply))[some]
 
 
-def _pressures(
-    ax: Axes, study: TubeStudy, thermal: str, accumulator: str, index: int, window: tuple[float, float]
-) -> None:
-    case = study.cases[thermal, accumulator][index]
+def _pressures(ax: Axes, study: TubeStudy, thermal: str, index: int, window: tuple[float, float]) -> None:
+    case = study.cases[thermal, SMALL][index]
     some, time = _part(case, window)
     zero, bar = case.supply.min(), from_si(1.0, "Pa", "bar")
     ax.plot(time, (case.supply - zero)[some] * bar, color=INK_3, lw=0.8, zorder=1)
     ax.plot(time, (case.vessel - zero)[some] * bar, color=COLOURS["pressure"], lw=3.2, alpha=0.45, zorder=2)
     for model in SHOWN:
-        predicted = study.result(thermal, model, accumulator).comparisons[index].predicted
+        predicted = study.result(thermal, model, SMALL).comparisons[index].predicted
         ax.plot(time, (predicted - zero)[some] * bar, color=INK, ls=DASHES[model], lw=0.9, zorder=3)
     ax.set_xlim(time[0], time[-1])
     ax.set_ylim(-0.15, 5.3)
@@ -126,14 +124,14 @@ def _pressures(
     ax.tick_params(labelbottom=False)
 
 
-def _limit(study: TubeStudy, thermal: str, accumulator: str, windows: tuple[tuple[int, float, float], ...]) -> float:
+def _limit(study: TubeStudy, thermal: str, windows: tuple[tuple[int, float, float], ...]) -> float:
     """Limit of the error strips [bar]: the largest error shown."""
     most = 0.0
     for index, begin, end in windows:
-        case = study.cases[thermal, accumulator][index]
+        case = study.cases[thermal, SMALL][index]
         some, _ = _part(case, (begin, end))
         for model in SHOWN:
-            error = study.result(thermal, model, accumulator).comparisons[index].predicted - case.vessel
+            error = study.result(thermal, model, SMALL).comparisons[index].predicted - case.vessel
             most = max(most, float(np.abs(error[some]).max()))
     return 1.05 * from_si(most, "Pa", "bar")
 
@@ -142,15 +140,14 @@ def _error(
     ax: Axes,
     study: TubeStudy,
     thermal: str,
-    accumulator: str,
     model: str,
     index: int,
     window: tuple[float, float],
     limit: float,
 ) -> None:
-    case = study.cases[thermal, accumulator][index]
+    case = study.cases[thermal, SMALL][index]
     some, time = _part(case, window)
-    compared = study.result(thermal, model, accumulator).comparisons[index]
+    compared = study.result(thermal, model, SMALL).comparisons[index]
     error = (compared.predicted - case.vessel)[some] * from_si(1.0, "Pa", "bar")
     ax.axhline(0.0, color=INK_2, lw=0.7, zorder=1)
     ax.fill_between(time, 0.0, error, color=COLOURS["pressure"], alpha=0.25, lw=0, zorder=2)

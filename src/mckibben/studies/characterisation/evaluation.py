@@ -130,19 +130,20 @@ class Evaluation:
 
 
 def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -> Progression:
-    """Add what the next stages need of a stage's recording.
-
-    Args:
-        stage: its name.
-        record: its recording.
-        bounds: of the characterisation.
-        known: found by the stages before.
+    """Add to what is known what the next stages need of a stage's recording.
 
     Raises:
         StageError: the muscle cannot be characterised further; says why.
     """
     if stage == "seat":
-        _check_still(part_of(record, "zero", stage)["span"], bounds.rest_length)
+        # what a motor does to a slack muscle that it does not hold would be taken for the muscle's
+        swing = float(np.std(part_of(record, "zero", stage)["span"]))
+        if swing > MOST_SWING * bounds.rest_length:
+            by = with_unit(swing, "m", 2)
+            raise StageError(
+                "seat",
+                f"the span swings by {by} where it is to stand still; choose another rig, or lower the motor's gains",
+            )
         rest = part_of(record, "zero", stage)["tension"]
         noise = float(np.std(rest))
         pressure = float(np.mean(part_of(record, "zero", stage)["pressure"]))
@@ -181,17 +182,6 @@ def advance(stage: str, record: Recording, bounds: Bounds, known: Progression) -
         again = next((i for i, pull in enumerate(pulls, 1) if pull - known.zero >= PULLS * known.largest), ISOBARS)
         return dataclasses.replace(known, isobars=tuple(isobars), again=again)
     return known
-
-
-def _check_still(span: np.ndarray, rest: float) -> None:
-    """Refuse a motor that does not hold a slack muscle: what it does to the muscle would be taken for the muscle's."""
-    swing = float(np.std(span))
-    if swing > MOST_SWING * rest:
-        by = with_unit(swing, "m", 2)
-        raise StageError(
-            "seat",
-            f"the span swings by {by} where it is to stand still; choose another rig, or lower the motor's gains",
-        )
 
 
 def _ramped(record: Recording, bounds: Bounds, known: Progression) -> Progression:
@@ -582,12 +572,7 @@ def _held_path(records: dict[str, Recording], zero_pressure: float) -> tuple[Spa
 
 
 def relaxation_curve(records: dict[str, Recording], found: Evaluation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time since the stretch [s], tension while the span stands still, measured and fitted [N], (n,) each.
-
-    Args:
-        records: by stage.
-        found: by `evaluate`.
-    """
+    """Time since the stretch [s], tension while the span stands still, measured and fitted [N], (n,) each."""
     path, tension, still = _held_path(records, 0.0)
     chain = found.relaxation.chain()
     fitted = np.zeros(SAMPLES) if chain is None else relaxation_force(path, chain)
@@ -634,14 +619,7 @@ def _held_out(
 
 
 def specimen_of(found: Evaluation, bounds: Bounds, *, name: str, title: str) -> Specimen:
-    """The fitted muscle as a specimen: law, friction, relaxation and leak with their intervals.
-
-    Args:
-        found: by `evaluate`.
-        bounds: of the characterisation.
-        name: id of the specimen.
-        title: of the specimen.
-    """
+    """The fitted muscle as a specimen: law, friction, relaxation and leak with their intervals."""
     spec = fitted_specimen(found.fits[:1], name=name)
     numbers = spec.laws[found.fits[0].law]
     if "rest_volume" in numbers:

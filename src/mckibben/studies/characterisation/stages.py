@@ -185,13 +185,7 @@ def pressures_of(top: float) -> list[float]:
 
 
 def protocol_of(stage: str, bounds: Bounds, known: Progression) -> Protocol:
-    """The protocol of a stage.
-
-    Args:
-        stage: its name.
-        bounds: that nothing exceeds.
-        known: found by the stages before.
-    """
+    """The protocol of a stage, after what the stages before have found."""
     steps = {
         "seat": _seat,
         "leak": _leak,

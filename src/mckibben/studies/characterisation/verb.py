@@ -646,10 +646,6 @@ def layout_of(rig: Rig, plumbing: str | None) -> str:
 def recording_folder(out: str | os.PathLike[str], settings: dict[str, JsonValue]) -> Path:
     """Make the folder of the recordings, or take one whose recordings were made with the same settings.
 
-    Args:
-        out: path of the folder.
-        settings: by `settings_of`; written into the folder.
-
     Raises:
         InputError: it has recordings that were made with other settings.
     """

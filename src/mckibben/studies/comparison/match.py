@@ -208,14 +208,13 @@ class Match(NamedTuple):
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Differences before and after, and the tuned parameters, as plain values."""
-        keys = ("path", "title", "unit", "start", "value", "low", "high", "hit")
         return {
             "muscle": self.muscle.id,
             "target": self.target.id,
             "before": dict(self.rms_before),
             "after": dict(self.rms_after),
             "twitch_simulated": self.rms_simulated,
-            "parameters": [{k: getattr(p, k) for k in keys} for p in self.parameters],
+            "parameters": [p._asdict() for p in self.parameters],
         }
 
     def tables(self) -> list[Table]:

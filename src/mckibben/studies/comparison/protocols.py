@@ -231,10 +231,10 @@ def trials(
     return Trials(muscle, records, values, curves, tuple(notes))
 
 
-def static_curves(muscle: ComparedMuscle, points: int = 181) -> dict[str, Curve]:
+def static_curves(muscle: ComparedMuscle) -> dict[str, Curve]:
     """Curves that need no protocol: tension against length, fully driven and passive, and stiffness against tension."""
     low, high = (0.55, 1.6) if muscle.fibre is not None else (0.55, muscle.upper_length / muscle.rest_length)
-    lengths, drives = np.linspace(low, high, points), np.linspace(0.0, 1.0, 41)
+    lengths, drives = np.linspace(low, high, 181), np.linspace(0.0, 1.0, 41)
     at = np.full(drives.shape, STIFF_AT)
     return {
         "force_length": (lengths, muscle.tension(lengths)),

@@ -11,7 +11,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -37,10 +37,6 @@ from ...quantities import from_si, with_unit
 from ...recordings import Recording, read_recording
 from ...specimens import Specimen, muscle_specimen
 from ...specimens.published import PublishedRange
-
-if TYPE_CHECKING:
-    pass
-
 
 FULL_PRESSURE = 5e5  # at which the paper compares its muscles [Pa]
 LEAST = 0.99  # of the rest length: a muscle that is free there already makes no tension worth comparing
@@ -331,6 +327,7 @@ def _biological(muscle: ComparedMuscle) -> tuple[dict[str, float], tuple[str, ..
     return values, ("its size is inferred: compare densities and intensities",) if sized else ()
 
 
+# Channels of a recording that are driven, and those that answer, the ones that are measured first.
 LENGTHS = ("span", "muscle.length", "muscle.span", "length")
 TENSIONS = ("tension", "muscle.tension")
 PRESSURES = ("pressure", "muscle.pressure")
@@ -374,7 +371,14 @@ def column_of(file: str | os.PathLike[str] | Recording, *, name: str | None = No
 def _column(record: Recording, name: str) -> MuscleColumn:
     length, tension = _channel(record, LENGTHS, "length"), _channel(record, TENSIONS, "tension")
     muscle = _muscle(record)
-    rest, area = _rest_length(record, muscle), None if muscle is None else muscle.section_area
+    stated = record.meta.get("rest_length", None if muscle is None else muscle.rest_length)
+    if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 100.0:
+        raise InputError(
+            "rest_length",
+            None if stated is None else str(stated),
+            "must be a length [m] in the meta of the recording, or the id of a known specimen under specimen",
+        )
+    rest, area = float(stated), None if muscle is None else muscle.section_area
     pieces = _pieces(record, length)
     values: dict[str, float] = {"rest_length": rest, "maximum_tension": float(known(record, tension).max())}
     notes = ["largest velocity is the largest seen"]
@@ -455,17 +459,6 @@ def _muscle(record: Recording) -> ComparedMuscle | None:
         return subject(name)
     except InputError:
         return None
-
-
-def _rest_length(record: Recording, muscle: ComparedMuscle | None) -> float:
-    stated = record.meta.get("rest_length", None if muscle is None else muscle.rest_length)
-    if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 100.0:
-        raise InputError(
-            "rest_length",
-            None if stated is None else str(stated),
-            "must be a length [m] in the meta of the recording, or the id of a known specimen under specimen",
-        )
-    return float(stated)
 
 
 def _pieces(record: Recording, length: str) -> list[_Piece]:

@@ -336,15 +336,7 @@ class Diagnosis(Answer):
             "misfit": self.misfit,
             "described": self.described,
             "faults": [
-                {
-                    **one.estimate._asdict(),
-                    "name": one.name,
-                    "ratio": one.ratio,
-                    "aicc": one.aicc,
-                    "limit": one.limit,
-                    "sound": one.sound,
-                    "slipped_before": one.slipped_before,
-                }
+                one.estimate._asdict() | {name: value for name, value in one._asdict().items() if name != "estimate"}
                 for one in self.faults
             ],
         }

@@ -32,16 +32,11 @@ POINTS, REFINED = 256, 4  # lengths among which an end of a stroke is sought, an
 class LawEnds(NamedTuple):
     """A law with each inferred number at both ends of its range, by the number's name; and those without a range."""
 
-    pairs: Mapping[str, tuple[TensionLaw, ...]]
+    pairs: Mapping[str, tuple[TensionLaw, ...]] = {}  # of a law whose numbers are all printed
     without_range: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return brief(self)
-
-
-def no_ends() -> LawEnds:
-    """Of a law whose numbers are all printed."""
-    return LawEnds({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +79,7 @@ class Candidate:
     dimensions: Mapping[str, float] = field(default_factory=dict)
     inferred: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
-    law_ends: Callable[[], LawEnds] = no_ends
+    law_ends: Callable[[], LawEnds] = LawEnds
     friction_range: tuple[float, float] | None = None
     spec: Specimen | None = None
 
@@ -283,13 +278,7 @@ def _margins(muscle: Candidate, wish: Requirements, ends: LawAtPressure, said: f
 
 
 def air_of_cycle(muscle: Candidate, wish: Requirements, dead: float = 0.0) -> float:
-    """Air of a cycle from the atmosphere: filled at the short end, emptied and extended again [kg].
-
-    Args:
-        muscle: which.
-        wish: pressure and stroke.
-        dead: volume of valve and tube, filled and emptied with it [m^3].
-    """
+    """Air of a cycle [kg]: filled at the short end with a dead volume [m^3], emptied and extended again."""
     if not muscle.law.has_volume():
         return float("nan")
     room, warm = float(wish.environment.pressure_abs), float(wish.environment.temperature)

@@ -182,10 +182,8 @@ def size(
     candidates += catalogue.of_specimens(wish)
     if muscle is not None and muscle.lower().endswith(".toml"):
         own_candidate = catalogue.of_file(muscle, wish)
-        candidates, muscle = (
-            [one for one in candidates if one.id != own_candidate.id] + [own_candidate],
-            own_candidate.id,
-        )
+        candidates = [one for one in candidates if one.id != own_candidate.id] + [own_candidate]
+        muscle = own_candidate.id
     tell("fluidic muscles")
     candidates += catalogue.of_sizes(wish)
     order = ranked([judged(one, wish) for one in candidates])

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -195,19 +196,22 @@ def _with_valve(part: CataloguePart, one: SourceResult, wish: Requirements, line
     cycles = int(part.values["stored_energy"] / energy)
     guessed = ", which is usual and was not given" if "power" in line.not_stated else ""
     note = f"{one.note}; feeds the valve too, {with_unit(line.power, 'W', 3)}{guessed}"
-    return replace(
-        one, energy=energy, efficiency=_work(wish) / energy, cycles=cycles, run_time=cycles / wish.frequency, note=note
-    )
-
-
-def _work(wish: Requirements) -> float:
-    return wish.force * wish.stroke
+    share = wish.force * wish.stroke / energy
+    return replace(one, energy=energy, efficiency=share, cycles=cycles, run_time=cycles / wish.frequency, note=note)
 
 
 def _isothermal(part: CataloguePart, wish: Requirements, pressure: float) -> float:
     """Least work to compress gas from atmospheric to a gauge pressure [J/kg]."""
     room = float(wish.environment.pressure_abs)
     return part.values["gas_constant"] * float(wish.environment.temperature) * math.log1p(pressure / room)
+
+
+def _result(part: CataloguePart, wish: Requirements, energy: float, **more: Any) -> SourceResult:
+    """A source that spends an energy in a cycle [J]; what is not stated does not apply to it."""
+    efficiency, inferred = wish.force * wish.stroke / energy, tuple(part.inferred())
+    none = dict.fromkeys(("isothermal", "adiabatic", "cycles", "run_time", "mass", "temperature"))
+    known: dict[str, Any] = {**none, **more}
+    return SourceResult(part.id, part.title, part.form, energy, efficiency=efficiency, inferred=inferred, **known)
 
 
 def _bottle(part: CataloguePart, muscle: Judged, wish: Requirements, air: float, pressure: float) -> SourceResult:
@@ -218,22 +222,18 @@ def _bottle(part: CataloguePart, muscle: Judged, wish: Requirements, air: float,
     cycles = max(0, int((v["filling"] - left) / gas))
     energy = gas * v["filling_work"]
     enough = v["pressure"] > pressure and cycles > 0
-    return SourceResult(
-        part.id,
-        part.title,
-        part.form,
+    lost = "throttled from its pressure: most of the filling's work is lost"
+    return _result(
+        part,
+        wish,
         energy,
-        gas * _isothermal(part, wish, pressure),
-        None,
-        _work(wish) / energy,
-        gas,
-        cycles,
-        None if wish.frequency is None else cycles / wish.frequency,
-        v.get("mass"),
-        enough,
-        "throttled from its pressure: most of the filling's work is lost" if enough else "empty before a cycle is done",
-        None,
-        tuple(part.inferred()),
+        isothermal=gas * _isothermal(part, wish, pressure),
+        gas=gas,
+        cycles=cycles,
+        run_time=None if wish.frequency is None else cycles / wish.frequency,
+        mass=v.get("mass"),
+        able=enough,
+        note=lost if enough else "empty before a cycle is done",
     )
 
 
@@ -247,22 +247,18 @@ def _compressor(part: CataloguePart, muscle: Judged, wish: Requirements, air: fl
     able = drawn is None or drawn <= v["free_flow"]
     share = "" if drawn is None else f"runs {drawn / v['free_flow']:.0%} of the time"
     run_time = None if cycles is None or wish.frequency is None else cycles / wish.frequency
-    return SourceResult(
-        part.id,
-        part.title,
-        part.form,
+    return _result(
+        part,
+        wish,
         energy,
-        air * _isothermal(part, wish, pressure),
-        ideal,
-        _work(wish) / energy,
-        air,
-        cycles,
-        run_time,
-        v.get("mass"),
-        able,
-        share if able else "delivers too little for that frequency",
-        None,
-        tuple(part.inferred()),
+        isothermal=air * _isothermal(part, wish, pressure),
+        adiabatic=ideal,
+        gas=air,
+        cycles=cycles,
+        run_time=run_time,
+        mass=v.get("mass"),
+        able=able,
+        note=share if able else "delivers too little for that frequency",
         duty=None if drawn is None else drawn / v["free_flow"],
     )
 
@@ -298,20 +294,4 @@ def _heated(part: CataloguePart, muscle: Judged, wish: Requirements, air: float,
     if not able:
         least, most = with_unit(low, "Pa", 3), with_unit(reach, "Pa", 2)
         note = f"{hot:.0f} K is needed, {v['hottest']:.0f} K is borne: that makes {most} of {least}"
-    return SourceResult(
-        part.id,
-        part.title,
-        part.form,
-        heat,
-        None,
-        None,
-        _work(wish) / heat,
-        0.0,
-        None,
-        None,
-        None,
-        able,
-        note,
-        hot,
-        tuple(part.inferred()),
-    )
+    return _result(part, wish, heat, gas=0.0, able=able, note=note, temperature=hot)

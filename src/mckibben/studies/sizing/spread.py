@@ -51,13 +51,7 @@ class InferredRanges(NamedTuple):
 
 
 def spread_of(muscle: Judged, wish: Requirements, dead: float = 0.0) -> InferredRanges:
-    """Ranges of force and air of a muscle.
-
-    Args:
-        muscle: which.
-        wish: pressure and stroke.
-        dead: volume of valve and tube, filled and emptied with it [m^3].
-    """
+    """Ranges of force and air of a muscle, whose air fills and empties a dead volume [m^3] too."""
     one = muscle.muscle
     ends = one.law_ends()
     end = one.longest - wish.stroke

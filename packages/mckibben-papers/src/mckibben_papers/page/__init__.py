@@ -14,8 +14,8 @@ from mckibben.web.transfers import download, run_in_thread
 from mckibben.web.widgets import asked, box, button, link, loading, note, page_frame, raw, refused, segments, tell, text
 from mckibben.web.workspace import Workspace
 
-from ..figures import CONFERENCE, FIGURES, PaperFigure
-from ..report import PARTS, PREDICTIONS, difference, printed
+from ..figures import FIGURES
+from ..report import PARTS, PREDICTIONS, difference, figure_name, printed
 from ..rows import (
     BASES,
     KINDS,
@@ -62,20 +62,25 @@ def fixed_document() -> dict[str, JsonValue]:
         "parts": [{"id": k, "title": v} for k, v in {FORETOLD: PREDICTIONS, **PARTS}.items()],
         "rows": [_row_document(r) for r in all_rows()],
         "figures": [
-            {"id": f.id, "name": named(f), "title": f.title, "rows": f.rows, "recordings": f.recordings, "part": f.part}
+            {
+                "id": f.id,
+                "name": figure_name(f, " "),
+                "title": f.title,
+                "rows": f.rows,
+                "recordings": f.recordings,
+                "part": f.part,
+            }
             for f in FIGURES.values()
         ],
     }
 
 
 def _row_document(row: PrintedRow) -> dict[str, JsonValue]:
-    first = row.what.split(" ", 1)[0]  # a symbol such as dF/dL keeps its letters
-    description = row.what[:1].upper() + row.what[1:] if first.isalpha() and first.islower() else row.what
     kind = EXPECTED.get(row.expect) or KINDS[BASES[row.basis]].key
     return {
         "id": row.id,
         "part": FORETOLD if is_prediction(row) else row.part,
-        "what": minus(description),
+        "what": minus(row.heading),
         "paper": printed(row.paper),
         "unit": unit_text(row.unit),
         "kind": "repeats" if row.repeats else kind if row.printed else "unprinted",
@@ -115,13 +120,6 @@ def state_document(all_: Reproduction) -> dict[str, JsonValue]:
         "left": None if left is None else round(left),
         "asked": dict(all_.asked),
     }
-
-
-def named(figure: PaperFigure) -> str:
-    """Number of a figure as printed in the papers."""
-    year, _, number = figure.id.rpartition("-")
-    name = f"Table {number.removeprefix('table')}" if number.startswith("table") else f"Fig. {number}"
-    return f"{name} of {year}" if figure.paper == CONFERENCE else name
 
 
 def _showing(row: str) -> str:
@@ -268,12 +266,16 @@ class PaperPage:
         self.head.clear()
         with self.head:
             with box("h2"):
-                title = f"{named(of)}: {of.title[:1].lower()}{of.title[1:]}" if of else "No figure shows this number"
+                title = (
+                    f"{figure_name(of, ' ')}: {of.title[:1].lower()}{of.title[1:]}"
+                    if of
+                    else "No figure shows this number"
+                )
                 text("span", title)
             box("span", "grow")
             if of is not None:
                 segments(FORMS, self.form, self._formed, "Show")
-                save_menu(named(of), make=lambda _, wish: self.all.file(of.id, wish))
+                save_menu(figure_name(of, " "), make=lambda _, wish: self.all.file(of.id, wish))
         self._drawn()
 
     def _drawn(self) -> None:

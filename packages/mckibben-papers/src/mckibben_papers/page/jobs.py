@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import hashlib
 import heapq
 import io
 import itertools
@@ -247,8 +246,7 @@ class RecordingCache(Folder):
 
     def one(self, key: str, make: Callable[[], Recording]) -> Recording:
         """Return the recording of a key, from the cache or computed now."""
-        name = hashlib.sha256(key.encode()).hexdigest()[:24]
-        file = self.place / f"{name}.nc"
+        file = self.file(key)
         while not file.exists():
             with locked(file.with_suffix(".lock")) as mine:
                 if mine and not file.exists():  # else another process made it since the look above
@@ -321,7 +319,7 @@ class Reproduction:
                 self.failed.pop(name, None)
             self._began, self._done, self._weight = time.monotonic(), 0.0, sum(map(self._cost, self.wanted))
             self.now, self.words = "", "starting"
-            self._changed()
+            self.version += 1
             self._job = ("rows", list(self.wanted))
             self._rows.ask(self._job, self._hear_rows)
 
@@ -354,7 +352,7 @@ class Reproduction:
                 if kind == "refused" and more[0] != STOPPED and self.now:
                     self.failed[self.now] = more[0]
                 self.wanted, self.now, self.words = [], "", ""
-            self._changed()
+            self.version += 1
 
     def _ended(self, name: str) -> None:
         self._done += self._cost(name)
@@ -372,7 +370,7 @@ class Reproduction:
             again = name in self.asked
             self.refused.pop(name, None)
             self.asked[name] = self.asked.get(name) or "waiting"
-            self._changed()
+            self.version += 1
             if again:
                 self._draws.hurry(("figure", name))
             else:
@@ -420,7 +418,7 @@ class Reproduction:
                 self.asked.pop(of.id, None)
                 if kind == "refused":
                     self.refused[of.id] = more[0]
-            self._changed()
+            self.version += 1
 
     # ---- report
 
@@ -435,9 +433,6 @@ class Reproduction:
             raise InputError("report", ending, str(answers["refused"][0]))
         data: bytes = answers["report"][0]
         return data
-
-    def _changed(self) -> None:
-        self.version += 1
 
 
 _of: weakref.WeakKeyDictionary[Any, Reproduction] = weakref.WeakKeyDictionary()
