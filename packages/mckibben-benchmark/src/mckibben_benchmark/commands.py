@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mckibben._version import __version__
 from mckibben.cli._outputs import FIGURE, OBJECT, OutputKinds
@@ -18,10 +17,6 @@ if TYPE_CHECKING:
     from .validation import Validation
 
 
-def _benchmark_stages(given: Mapping[str, Any]) -> int:
-    return run.stages(given.get("models", ()), given.get("tasks", ()), competitors=bool(given["competitors"]))
-
-
 run_benchmark = VerbsCommand(
     VerbCommand(
         "mckibben_benchmark.run:benchmark",
@@ -29,7 +24,10 @@ run_benchmark = VerbsCommand(
         ("benchmark --task map-above-4-bar --model ideal",),
         options={"models": "model", "tasks": "task", "folder": "data", "competitors": "all"},
         writes={"page": lambda answer, path: write_text(path, page.page(answer, version=__version__))},
-        doing=("benchmark", _benchmark_stages),
+        doing=(
+            "benchmark",
+            lambda given: run.stages(given.get("models", ()), given.get("tasks", ()), competitors=given["competitors"]),
+        ),
     ),
     (
         Alternative(

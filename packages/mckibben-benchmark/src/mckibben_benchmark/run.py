@@ -337,17 +337,12 @@ def score_record(
             raise InputError(name, None, "must be finite wherever it is scored", where=record.name)
         shares.append((values - measured) / scale[record.muscle, name])
     phases = np.full(len(record), "") if record.phase is None else record.phase
-    return list(_by_phase(np.stack(shares), phases, scored, fold, record.muscle))
-
-
-def _by_phase(
-    shares: np.ndarray, phases: np.ndarray, scored: np.ndarray, fold: str, muscle: str
-) -> Iterable[RecordScore]:
+    each, scores = np.stack(shares), []
     for phase in dict.fromkeys(phases[scored].tolist()):
-        some = shares[:, scored & (phases == phase)]
-        yield RecordScore(
-            fold, muscle, phase, float(np.sum(some**2)), some.size, float(np.abs(some).max()), float(np.sum(some))
-        )
+        some = each[:, scored & (phases == phase)]
+        sums = float(np.sum(some**2)), some.size, float(np.abs(some).max()), float(np.sum(some))
+        scores.append(RecordScore(fold, record.muscle, phase, *sums))
+    return scores
 
 
 COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")

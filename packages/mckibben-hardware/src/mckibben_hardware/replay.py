@@ -20,7 +20,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -361,9 +361,9 @@ class ReplayedHardware(Hardware):
 def open_replay(request: HardwareRequest) -> Hardware:
     """The backend ``replay``: the machine of the file ``request.place``, whose channels must be those of the rig."""
     record, _ = read_check(request.place)
-    missing = [n for n in request.rig.converters(0.0).names if n not in record.rig.converters(0.0).names]
+    known = record.rig.converters(0.0).names
+    missing = [n for n in request.rig.converters(0.0).names if n not in known]
     if missing:
-        known = record.rig.converters(0.0).names
         raise InputError(
             "channels", ", ".join(missing), "the machine of the check has", known=known, where=request.place
         )
@@ -426,7 +426,10 @@ def replay_check(path: str | os.PathLike[str], *, muscle: Any = "nylon") -> Repl
     if outcome is not None:
         steps.append(_compared(record, then, outcome))
     for name, use in (("calibrate zero", _zeros), (PROTOCOL, lambda r: _protocol(r, muscle))):
-        steps.append(_tried(name, record, use))
+        try:
+            steps.append(ReplayStep(name, *use(record)))
+        except MckibbenError as error:
+            steps.append(ReplayStep(name, False, str(error)))
     return Replay(record, outcome, tuple(steps))
 
 
@@ -459,13 +462,6 @@ def _compared(record: CheckRecord, then: tuple[CheckResult, ...], now: MachineCh
     )
 
 
-def _tried(name: str, record: CheckRecord, use: Callable[[CheckRecord], tuple[bool, str]]) -> ReplayStep:
-    try:
-        return ReplayStep(name, *use(record))
-    except MckibbenError as error:
-        return ReplayStep(name, False, str(error))
-
-
 def _zeros(record: CheckRecord) -> tuple[bool, str]:
     """Zeros of all analogue channels whose scales go below zero, by the session that calibrates a machine."""
     scales = grids(record.rig)
@@ -476,7 +472,7 @@ def _zeros(record: CheckRecord) -> tuple[bool, str]:
     def rests(task: OperatorTask) -> None:
         """The machine of a check rests where it is not asked for anything."""
 
-    with HardwareReadings(ReplayedHardware(record), record.rig.converters(0.0), scales=scales) as readings:
+    with HardwareReadings(ReplayedHardware(record), record.rig.converters(0.0), scales) as readings:
         session = CalibrationSession(source=readings, ask=rests, date=record.created)
         found = session.zero(names).corrections
     zeros = {n: found[n].terms["zero"].value for n in names}

@@ -3,7 +3,7 @@
 Importing this loads nothing of NI: `nidaqmx` is loaded when a card is opened.
 """
 
-from .hardware import DaqHardware, DaqStatistics, OverrunError
+from .hardware import DaqHardware, OverrunError
 from .simulated import SimulatedDevice
 from .wiring import Analog, CardWiring, Counter, Drive, ShutOff, wiring
 
@@ -15,7 +15,6 @@ __all__ = [
     "OverrunError",
     "ShutOff",
     "SimulatedDevice",
-    "DaqStatistics",
     "CardWiring",
     "wiring",
 ]
