@@ -256,12 +256,9 @@ def lever_cycles(
         marks = np.round((starts + peaks) / 2.0).astype(int)
         marks[:1], marks[-1:] = starts[:1], peaks[-1:]
     if len(marks) < 2:
-        raise InputError(
-            f"channel {length}",
-            None,
-            f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
-            + ("; cut at trough, one peak makes a cycle" if len(peaks) == 1 else ""),
-        )
+        problem = f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
+        problem += "; cut at trough, one peak makes a cycle" if len(peaks) == 1 else ""
+        raise InputError(f"channel {length}", None, problem)
     return tuple(slice(int(a), int(b)) for a, b in zip(marks[:-1], marks[1:], strict=True))
 
 

@@ -180,11 +180,8 @@ def force_velocity_point(
     smooth = smoothed(x, period=period, window=window)
     passing = np.flatnonzero((smooth[:-1] > at_length) & (smooth[1:] <= at_length))
     if not passing.size:
-        raise InputError(
-            "at_length",
-            float(at_length),
-            f"must be passed in shortening; {length} has {x.min():.6g} to {x.max():.6g} m",
-        )
+        problem = f"must be passed in shortening; {length} has {x.min():.6g} to {x.max():.6g} m"
+        raise InputError("at_length", float(at_length), problem)
     i = int(passing[0])
     part = float((smooth[i] - at_length) / (smooth[i] - smooth[i + 1]))
     velocity = -smoothed(x, period=period, window=window, derivative=1)

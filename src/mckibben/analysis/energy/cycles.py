@@ -322,11 +322,8 @@ def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> Ener
     conditions.check(muscle)
     cycle = EnergyCycle(*(float(v) for v in computed(muscle, name, conditions)))
     if not math.isfinite(cycle.input):
-        raise InputError(
-            "pressure",
-            with_unit(conditions.pressure, "Pa"),
-            f"must be more for the cycle '{name}'; or give a lower exchange pressure",
-        )
+        problem = f"must be more for the cycle '{name}'; or give a lower exchange pressure"
+        raise InputError("pressure", with_unit(conditions.pressure, "Pa"), problem)
     return cycle
 
 

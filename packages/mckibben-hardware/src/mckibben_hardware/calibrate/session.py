@@ -515,12 +515,11 @@ class CalibrationSession:
 
 def _different(subject: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
     """Refuse settings that do not determine a line, before the operator is requested the first."""
-    for value in values:
+    shown = [_mass(value) if unit == "kg" else with_unit(value, unit) for value in values]
+    for value, word in zip(values, shown, strict=True):
         if not (math.isfinite(value) and value >= least):
-            raise InputError(
-                subject, _mass(value) if unit == "kg" else with_unit(value, unit), f"must be {least:g} {unit} or more"
-            )
-    words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or None
+            raise InputError(subject, word, f"must be {least:g} {unit} or more")
+    words = ", ".join(shown) or None
     if len(values) < 2:
         raise InputError(subject, words, "must be two different ones or more, for there are a gain and a zero to find")
     if len(set(values)) < len(values):
