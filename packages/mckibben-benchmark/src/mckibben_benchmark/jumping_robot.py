@@ -10,6 +10,7 @@ the camera's first frame is taken as the start. All the rest is compared.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -162,8 +163,13 @@ def robot_folds(
         demand = "must be three or more with different names, to predict each from the others"
         raise InputError("trials", ", ".join(names), demand)
     folds, trials = [], []
+
+    def told(name: str, words: str) -> None:
+        if progress is not None:
+            progress(f"without {name}: {words}")
+
     for left in folders:
-        tell = progress and (lambda words, name=Path(left).name: progress(f"without {name}: {words}"))
+        tell = None if progress is None else functools.partial(told, Path(left).name)
         fitted = [folder for folder in folders if folder != left]
         result, all_trials = robot_study(fitted, [left], free=free, evaluations=evaluations, progress=tell)
         folds.append(RobotFold(Path(left).name, result))
