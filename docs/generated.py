@@ -261,14 +261,14 @@ def rigs(_: Path) -> str:
     """Return the tables of all keys of a rig file, with the values of the rigs that ship with the package."""
     from mckibben.bench.hardware import AnalogOut, Computer, Converter, Encoder, Frame, Motor, Sensor
     from mckibben.bench.rig import Plumbing, RigFaults
-    from mckibben.bench.rig_file import LENGTH, shipped_rigs
+    from mckibben.bench.rig_file import LENGTH, rig, rig_names
     from mckibben.bench.software.controllers import ForceControl, MotionEstimate, PositionControl, PressureControl
     from mckibben.bench.software.interlocks import Interlocks
     from mckibben.components import Environment
     from mckibben.pneumatics.build import ELEMENTS, known_keys
     from mckibben.quantities import Quantity, declared
 
-    known = shipped_rigs()
+    known = {name: rig(name) for name in rig_names()}
     span = {"shortest": LENGTH, "longest": LENGTH}
     watched = declared(Interlocks)
     parts = []

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from analysis_records import COUNT, clock, counts, record, sine, triangle
 
+from mckibben.analysis.loops import path_work
 from mckibben.analysis.shortening import (
     fit_hill,
     force_velocity_point,
@@ -11,7 +12,6 @@ from mckibben.analysis.shortening import (
     power_density,
     shortening_power,
     tension_error,
-    work_between,
 )
 from mckibben.errors import InputError
 
@@ -80,8 +80,8 @@ def test_counts_noise_and_the_encoder_leave_the_work(seed):
 
 def test_work_changes_its_sign_with_the_direction():
     x, t = np.linspace(0.14, 0.10, 50), np.linspace(60.0, 20.0, 50)
-    assert work_between(x, t) == pytest.approx(0.04 * 40.0)
-    assert work_between(x[::-1], t[::-1]) == pytest.approx(-0.04 * 40.0)
+    assert path_work(x, t) == pytest.approx(0.04 * 40.0)
+    assert path_work(x[::-1], t[::-1]) == pytest.approx(-0.04 * 40.0)
 
 
 def test_the_error_of_a_controlled_tension():

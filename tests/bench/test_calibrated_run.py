@@ -53,7 +53,7 @@ def test_an_expired_calibration_is_said_and_another_rigs_is_refused():
     assert "tension" in said and "expired on 2020-01-02" in said
     with pytest.raises(InputError, match="has to be of the rig paper"):
         on.calibrated(calibration("modern"))
-    odd = dataclasses.replace(calibration(), corrections={"colour": calibration().correction("tension")})
+    odd = dataclasses.replace(calibration(), corrections={"colour": calibration().corrections["tension"]})
     with pytest.raises(InputError, match="Unknown channel 'colour'. The rig measures"):
         on.calibrated(odd)
 

@@ -16,8 +16,6 @@ from mckibben.formats.table import ForeignColumn, ForeignTable, parse_scale
 from mckibben.formats.text import MARKS, _decimal_mark, _mark, row_list
 from mckibben.recordings import Channel, ForceMap, Recording, read_recording
 from mckibben.recordings.calibration import (
-    Calibration,
-    Correction,
     CorrectionTerm,
     Origin,
     indicated,
@@ -236,15 +234,6 @@ def test_rows_of_text_are_numbered_as_in_the_file_packed_or_not(tmp_path):
 
 TERM = CorrectionTerm(value=1.02)
 CONVERTER = {"low": -10.0, "high": 10.0, "bits": 8}
-
-
-def test_a_correction_is_asked_for_by_its_channel_and_undoes_itself():
-    of = {"a": Correction(unit="N", terms={"gain": TERM})}
-    stated = Calibration(rig="r", created="2026-01-01T00:00:00+00:00", corrections=of)
-    values = np.array([0.0, 1.0, 5.0])
-    np.testing.assert_allclose(stated.apply("a", values), 1.02 * values, rtol=1e-12)
-    np.testing.assert_allclose(stated.indicated("a", stated.apply("a", values)), values, atol=1e-12)
-    refused(lambda: stated.correction("b"), "calibrated are a")
 
 
 def test_a_term_expires_after_its_validity_and_one_without_an_end_never():

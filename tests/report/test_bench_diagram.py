@@ -5,10 +5,10 @@ import dataclasses
 import pytest
 from matplotlib.figure import Figure
 
-from mckibben.bench.rig_file import rig, shipped_rigs
+from mckibben.bench.rig_file import rig, rig_names
 from mckibben.report.figures.bench_diagram import draw
 
-PICTURES = [(name, layout) for name, one in shipped_rigs().items() for layout in one.plumbing]
+PICTURES = [(name, layout) for name in rig_names() for layout in rig(name).plumbing]
 
 
 def texts(fig: Figure) -> list[str]:

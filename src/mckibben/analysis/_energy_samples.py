@@ -105,11 +105,8 @@ class Flows:
             return self.dead.see(known(self.record, f"{node}.pressure_abs"), known(self.record, f"{node}.temperature"))
         both = [self.machine.find(f"circuit.nodes.{node}.{quantity}") for quantity in ("pressure_abs", "temperature")]
         if self.nodes[node] == "chamber" or None in both:
-            raise InputError(
-                f"channel {node}.pressure_abs",
-                None,
-                "is missing: the account needs pressure and temperature of every volume",
-            )
+            problem = "is missing: the account needs pressure and temperature of every volume"
+            raise InputError(f"channel {node}.pressure_abs", None, problem)
         return self.dead.see(np.full(self.time.shape, both[0]), np.full(self.time.shape, both[1]))
 
     def _passed(self) -> dict[str, np.ndarray]:
@@ -133,10 +130,8 @@ class Flows:
             if len(own) == 1:
                 masses[own[0]] = needed * self._sign(own[0], node)
             elif len(vents) == len(fills) == 1:
-                came, left_it = (
-                    sampled[fills[0]] * self._sign(fills[0], node),
-                    -sampled[vents[0]] * self._sign(vents[0], node),
-                )
+                came = sampled[fills[0]] * self._sign(fills[0], node)
+                left_it = -sampled[vents[0]] * self._sign(vents[0], node)
                 # the larger of both is put right, but not beyond zero
                 fill = np.where(came >= left_it, needed + left_it, came)
                 fill = np.where(fill < 0.0, 0.0, np.where(fill < needed, needed, fill))
@@ -280,18 +275,11 @@ class RecordedMachine:
             InputError: if the parameters are those of no law that is known.
         """
         parameters = self.below(f"units.{muscle}.law")
-        names = (
-            [self._laws[muscle]]
-            if muscle in self._laws
-            else [n for n in LAWS if set(declared(law_type(n))) == set(parameters)]
-        )
+        alike = (n for n in LAWS if set(declared(law_type(n))) == set(parameters))
+        names = [self._laws[muscle]] if muscle in self._laws else [*alike]
         if len(names) != 1 or not parameters:
-            raise InputError(
-                f"law of {muscle}",
-                ", ".join(parameters) or None,
-                f"must be the parameters of {', '.join(LAWS)}",
-                where="parameters",
-            )
+            problem = f"must be the parameters of {', '.join(LAWS)}"
+            raise InputError(f"law of {muscle}", ", ".join(parameters) or None, problem, where="parameters")
         known = {k: v for k, v in parameters.items() if v == v}  # an unknown volume is no number
         return construct(law_type(names[0]), known)
 

@@ -325,18 +325,14 @@ def find_cycles(values: np.ndarray, *, skip: int = 0, subject: str = "drive") ->
         for a, b in zip(ends[:-1], ends[1:], strict=True)
     )
     if len(cycles) <= skip:
-        raise InputError(
-            subject,
-            None,
-            f"must have {skip + 1} full cycles or more, got {len(cycles)}; a cycle lies between two equal ends of its range",
-        )
+        least = f"must have {skip + 1} full cycles or more, got {len(cycles)}"
+        raise InputError(subject, None, f"{least}; a cycle lies between two equal ends of its range")
     for cycle in cycles:
         if cycle.end - cycle.start < LEAST_SAMPLES:
-            raise InputError(
-                subject,
-                None,
-                f"must have {LEAST_SAMPLES} samples or more in a cycle, got {cycle.end - cycle.start}; is it noise?",
+            problem = (
+                f"must have {LEAST_SAMPLES} samples or more in a cycle, got {cycle.end - cycle.start}; is it noise?"
             )
+            raise InputError(subject, None, problem)
     return cycles[skip:]
 
 

@@ -345,6 +345,11 @@ def _one(piece: _Piece, cycle: Cycle, known: _Known) -> CycleEnergy:
     shaft = -np.trapezoid(piece.tension[first : last + 1], piece.span[first : last + 1])
     power = -piece.tension[first:last] * np.diff(piece.span[first : last + 1])
     air = filled + idle
+
+    def exergy(i: int) -> float:
+        at, mass = float(piece.pressure_abs[i]), float(piece.mass[i])
+        return float(dead.stored(at, mass * float(dead.gas.gas_constant * dead.temperature) / at, mass))
+
     values = {
         ("supply", "into"): top * air,
         ("way_in", "out"): top * filled - float(np.trapezoid(worth[fills], piece.mass[fills])),
@@ -352,7 +357,7 @@ def _one(piece: _Piece, cycle: Cycle, known: _Known) -> CycleEnergy:
         ("exhaust", "out"): -float(np.trapezoid(worth[empties], piece.mass[empties])),
         ("shaft_work", "out"): float(shaft),
         # the gas that is stored: over a cycle as near to nothing as its ends are alike
-        ("gas", "stored"): _gained(piece, first, last, known),
+        ("gas", "stored"): exergy(last) - exergy(first),
         ("muscle", "stored"): float(piece.stored[last] - piece.stored[first]),
     }
     if not np.isfinite(known.idle):
@@ -371,15 +376,6 @@ def _one(piece: _Piece, cycle: Cycle, known: _Known) -> CycleEnergy:
         float(power[power > 0.0].sum()),
         tuple(parts),
     )
-
-
-def _gained(piece: _Piece, first: int, last: int, known: _Known) -> float:
-    def exergy(i: int) -> float:
-        gas, at = known.dead.gas, float(piece.pressure_abs[i])
-        volume = float(piece.mass[i]) * float(gas.gas_constant * known.dead.temperature) / at
-        return float(known.dead.stored(at, volume, float(piece.mass[i])))
-
-    return exergy(last) - exergy(first)
 
 
 def _caught_in_cycles(

@@ -110,20 +110,12 @@ def frequency_response(
     wish = 8.0 / total if resolution is None else positive("resolution", resolution, "Hz")
     samples = round(1.0 / (wish * period))
     if samples < 8 or 3 * samples > 2 * len(x):
-        raise InputError(
-            "resolution",
-            wish,
-            f"must be between {1.5 / total:.4g} and {1.0 / (8.0 * period):.4g} Hz; two segments of 8 samples",
-        )
+        ends = f"between {1.5 / total:.4g} and {1.0 / (8.0 * period):.4g} Hz"
+        raise InputError("resolution", wish, f"must be {ends}; two segments of 8 samples")
     # At three quarters the squared windows add to a constant: when a chirp passes a frequency then does not matter.
     step = max(samples // 4, 1)
-    setting = {
-        "fs": 1.0 / period,
-        "window": "hann",
-        "nperseg": samples,
-        "noverlap": samples - step,
-        "detrend": "linear",
-    }
+    setting: dict[str, Any] = {"fs": 1.0 / period, "window": "hann", "detrend": "linear"}
+    setting |= {"nperseg": samples, "noverlap": samples - step}
     f, cross = signal.csd(x, y, **setting)
     inputs, outputs = (np.asarray(signal.welch(v, **setting)[1]) for v in (x, y))
     low, high = (f[1], f[-1]) if band is None else band

@@ -256,12 +256,9 @@ def lever_cycles(
         marks = np.round((starts + peaks) / 2.0).astype(int)
         marks[:1], marks[-1:] = starts[:1], peaks[-1:]
     if len(marks) < 2:
-        raise InputError(
-            f"channel {length}",
-            None,
-            f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
-            + ("; cut at trough, one peak makes a cycle" if len(peaks) == 1 else ""),
-        )
+        problem = f"must have two peaks at {per_second:g} Hz or more, got {len(peaks)}"
+        problem += "; cut at trough, one peak makes a cycle" if len(peaks) == 1 else ""
+        raise InputError(f"channel {length}", None, problem)
     return tuple(slice(int(a), int(b)) for a, b in zip(marks[:-1], marks[1:], strict=True))
 
 
@@ -276,11 +273,8 @@ def missing_cycles(record: Recording, *, length: str = "length", smoothing: floa
         length: name of the channel with the length.
         smoothing: as for `lever_cycles`.
     """
-    try:
-        stated = lever_protocol(record)
-    except InputError:
-        return ""
-    if stated.cycles is None or not stated.cycle_frequency:
+    stated = stated_protocol(record)
+    if stated is None or stated.cycles is None or not stated.cycle_frequency:
         return ""
     rate = _rate(record)
     least = max(int(LEAST_RISE * rate / stated.cycle_frequency) - 1, 1)
@@ -322,8 +316,15 @@ def lever_loops(
     for number in numbers:
         if not 1 <= number <= len(cycles):
             raise InputError("keep", number, f"must be from 1 to {len(cycles)}, the cycles cut at {cut}")
-    lengths, pulls, rate = known(record, length), known(record, force), _rate(record)
-    return tuple(_loop(number, cycles[number - 1], lengths, pulls, rate, smoothing) for number in numbers)
+    lengths, pulls, rate, loops = known(record, length), known(record, force), _rate(record), []
+    for number in numbers:
+        cycle = cycles[number - 1]
+        along, pull = lengths[cycle], pulls[cycle]
+        work, duration = path_work(along, pull), len(along) / rate
+        velocity = -_smooth(np.diff(along) * rate, smoothing)
+        mean = float(np.mean(pull[1:] * velocity))  # each velocity belongs to the sample at its end
+        loops.append(LeverLoop(number, cycle.start, cycle.stop - 1, work, duration, work / duration, mean))
+    return tuple(loops)
 
 
 def stimulus_phase(
@@ -340,18 +341,6 @@ def stimulus_phase(
     per_second = _cycle_frequency(record) if frequency is None else float(frequency)
     behind = (int(np.argmax(stimuli)) - int(np.argmax(known(record, length)))) / _rate(record) * per_second
     return float((behind + 0.5) % 1.0 - 0.5)
-
-
-def _loop(
-    number: int, cycle: slice, lengths: np.ndarray, pulls: np.ndarray, rate: float, smoothing: float
-) -> LeverLoop:
-    along, pull = lengths[cycle], pulls[cycle]
-    work = path_work(along, pull)
-    velocity = -_smooth(np.diff(along) * rate, smoothing)
-    # Each velocity belongs to the sample at its end.
-    mean = float(np.mean(pull[1:] * velocity))
-    duration = len(along) / rate
-    return LeverLoop(number, cycle.start, cycle.stop - 1, work, duration, work / duration, mean)
 
 
 def _smooth(values: np.ndarray, cutoff: float) -> np.ndarray:

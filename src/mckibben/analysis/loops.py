@@ -316,7 +316,7 @@ def closed_area(length: np.ndarray, tension: np.ndarray) -> float:
 
 
 def path_work(length: np.ndarray, tension: np.ndarray) -> float:
-    """Work of a muscle along a path that need not close, the integral of -F dL by trapezoids [J].
+    """Work of a muscle along a path that need not close, the integral of -F dL by trapezoids [J]; positive in shortening.
 
     Args:
         length: (n,) [m] in order of time.
@@ -591,9 +591,7 @@ def loop_residuals(
         return LoopResiduals(at, middle - values, np.ones(len(at), bool), float(np.ptp(measured.tension)))
     names = measured_channels(measured, across, channel)
     other = paths(measured, length=names[0], tension=names[1])
-    places: list[np.ndarray] = []
-    errors: list[np.ndarray] = []
-    rising: list[np.ndarray] = []
+    places, errors, rising = [], [], []
     for one, two, up in ((model.rising, other.rising, True), (model.falling, other.falling, False)):
         low, high = _common(one, two)
         if not low < high:

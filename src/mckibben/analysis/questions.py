@@ -26,7 +26,7 @@ from ..recordings import Recording, read_any
 from ..recordings.files import naming_file, path_of, select_between
 from ..recordings.provenance import MACHINE
 from . import lever
-from .channels import choose_channel, cycle_conditions, known, parted_by
+from .channels import HeldCycles, choose_channel, cycle_conditions, known, parted_by
 from .lever_answers import cautions_of_contraction, cautions_of_cycles
 from .loops import TensionLoop, loops_by_held, path_stiffness, path_work
 from .segments import segments, steps_of
@@ -215,7 +215,6 @@ def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
 
 _AT = (Column("cycle", right=True), Column("time", "from", "s", places=".4g"))
 _PRESSURE = Column("pressure", None, "Pa", missing="-")
-_HELD = {"pressure": "Pa", "tension": "N", "frequency": "Hz", "stroke": "m"}
 
 
 class _Loops(NamedTuple):
@@ -251,7 +250,7 @@ def _loops_of(question: _Question, skip: int) -> _Loops:
     every = {n: (np.concatenate([c[n][0] for c in conditions]), max(c[n][1] for c in conditions)) for n in shared}
     for chosen, held in parted_by(every):
         for at in chosen:
-            rows[at]["group"] = ", ".join(with_unit(value, _HELD[name]) for name, value in held.items())
+            rows[at]["group"] = HeldCycles((), held).words()
     return _Loops(rows, items, collect(*cautions), "")
 
 

@@ -32,6 +32,7 @@ from .channels import (
     t_quantile,
     uniform_period,
 )
+from .loops import path_work
 
 _WINDOW = 0.02  # of a cycle
 
@@ -88,7 +89,7 @@ def shortening_power(
     for c in cycles:
         longest, shortest = (c.start, c.turn) if c.begins_high else (c.turn, c.end)
         part = slice(longest, shortest + 1)
-        works.append(work_between(x[part], y[part]))
+        works.append(path_work(x[part], y[part]))
         whole = power[c.start : c.end + 1]
         positives.append(float(np.trapezoid(np.where(whole > 0.0, whole, 0.0), dx=period)))
         peaks.append(float(whole.max()))
@@ -108,11 +109,6 @@ def shortening_power(
         window=width,
         cycles=len(cycles),
     )
-
-
-def work_between(length: np.ndarray, tension: np.ndarray) -> float:
-    """Integral of -T dL along a path [J], positive where a pulling muscle shortens; lengths [m] and tensions [N], (n,)."""
-    return float(-np.trapezoid(tension, length))
 
 
 class TensionError(NamedTuple):
@@ -184,11 +180,8 @@ def force_velocity_point(
     smooth = smoothed(x, period=period, window=window)
     passing = np.flatnonzero((smooth[:-1] > at_length) & (smooth[1:] <= at_length))
     if not passing.size:
-        raise InputError(
-            "at_length",
-            float(at_length),
-            f"must be passed in shortening; {length} has {x.min():.6g} to {x.max():.6g} m",
-        )
+        problem = f"must be passed in shortening; {length} has {x.min():.6g} to {x.max():.6g} m"
+        raise InputError("at_length", float(at_length), problem)
     i = int(passing[0])
     part = float((smooth[i] - at_length) / (smooth[i] - smooth[i + 1]))
     velocity = -smoothed(x, period=period, window=window, derivative=1)
@@ -214,7 +207,6 @@ class HillFit(NamedTuple):
 
 
 def _hill(velocity: np.ndarray | float, f0: float, vmax: float, curvature: float) -> np.ndarray:
-
     relative = -np.asarray(velocity, float) / vmax
     return f0 * np.asarray(velocity_curve(relative, curvature=curvature))
 

@@ -65,9 +65,8 @@ class StepResponse(NamedTuple):
     until: float  # when the next step or the end of the record comes [s]
     drift: float  # change over the last fifth before that, over the step [1]
     settled: bool  # whether that is nothing, or noise
-    settling_time: float = float(
-        "nan"
-    )  # command until the channel stays within 5 % of the step; NaN if not settled [s]
+    # command until the channel stays within 5 % of the step; NaN if not settled [s]
+    settling_time: float = float("nan")
 
     @property
     def step(self) -> float:
@@ -328,7 +327,6 @@ def isometric_timing(
     )
 
 
-_ONSET = 0.02
 _NEAR_PEAK = 0.85
 
 
@@ -370,7 +368,7 @@ def twitch(record: Recording, *, stimulus: float, tension: str = "muscle.tension
             f"channel {tension}", None, f"must have a twitch of 12 times its noise, got {clean[top]:.3g} N at most"
         )
     peak_time, peak = _peak(t, raw, clean, top)
-    threshold = max(_ONSET, _NOISE * noise / peak)
+    threshold = max(ONSET, _NOISE * noise / peak)
     share = clean / peak
     half_up = int(np.argmax(share >= 0.5))
     below = np.flatnonzero(share[: half_up + 1] < threshold)
@@ -378,8 +376,8 @@ def twitch(record: Recording, *, stimulus: float, tension: str = "muscle.tension
     if not lost.size:
         raise InputError(f"channel {tension}", None, "must be recorded until half the peak is lost")
     # A record that begins with the stimulus may already rise in its first sample.
-    onset = _passing(t, share, int(below[-1]) + 1, threshold) if below.size else float(t[0])
-    relaxed = _passing(t, share, top + int(lost[0]), 0.5)
+    onset = _between(t, share, int(below[-1]) + 1, threshold) if below.size else float(t[0])
+    relaxed = _between(t, share, top + int(lost[0]), 0.5)
     return Twitch(
         rest, peak, onset, peak_time, peak_time - onset, relaxed - peak_time, onset - float(stimulus), threshold
     )
@@ -398,10 +396,3 @@ def _peak(time: np.ndarray, raw: np.ndarray, clean: np.ndarray, top: int) -> tup
     grid = np.linspace(-1.0, 1.0, 2001)
     best = int(np.argmax(cubic(grid)))
     return float(time[first] + (grid[best] + 1.0) * half), float(cubic(grid[best]))
-
-
-def _passing(time: np.ndarray, share: np.ndarray, after: int, level: float) -> float:
-    return float(
-        time[after - 1]
-        + (level - share[after - 1]) / (share[after] - share[after - 1]) * (time[after] - time[after - 1])
-    )

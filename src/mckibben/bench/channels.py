@@ -43,11 +43,7 @@ def kinds(names: Iterable[str]) -> dict[str, tuple[str, str, str]]:
     """Return unit, kind and meaning of the channels of a test machine, by name."""
     channel_kinds, sensed = {}, measured()
     for name in names:
-        if name in sensed:
-            channel_kinds[name] = (sensed[name][0], "measured", sensed[name][1])
-        elif name in COMMANDS:
-            channel_kinds[name] = (*COMMANDS[name][:1], "command", COMMANDS[name][1])
-        else:
-            unit, meaning = described(name)
-            channel_kinds[name] = (unit, "true", meaning)
+        kind = "measured" if name in sensed else "command" if name in COMMANDS else "true"
+        unit, meaning = sensed.get(name) or COMMANDS.get(name) or described(name)
+        channel_kinds[name] = (unit, kind, meaning)
     return channel_kinds

@@ -8,6 +8,7 @@ another one, and the console of a page the bench of that page.
 from __future__ import annotations
 
 import abc
+import functools
 import os
 import shlex
 from collections.abc import Callable, Mapping
@@ -269,17 +270,8 @@ class CommandInterpreter(abc.ABC):
         rate, unit, per = rates[name]
         return f"{name} to {' '.join(words)}, at {with_unit(float(rate), unit, 3)}{per} at most"
 
-    def _pressure(self, words: list[str]) -> str:
-        return self._amount("pressure", words)
-
-    def _span(self, words: list[str]) -> str:
-        return self._amount("span", words)
-
-    def _velocity(self, words: list[str]) -> str:
-        return self._amount("velocity", words)
-
-    def _tension(self, words: list[str]) -> str:
-        return self._amount("tension", words)
+    _pressure, _span = functools.partialmethod(_amount, "pressure"), functools.partialmethod(_amount, "span")
+    _velocity, _tension = functools.partialmethod(_amount, "velocity"), functools.partialmethod(_amount, "tension")
 
     def _vent(self, words: list[str]) -> str | None:
         _none("vent", words)

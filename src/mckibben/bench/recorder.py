@@ -209,15 +209,18 @@ class Chunks:
 
     def _join(self) -> None:
         """Join the chunks that came since the last time into one: many of few samples take several times their size."""
-        times, arrays = self._times[self._joined :], self._arrays[self._joined :]
-        names = dict.fromkeys(name for chunk in arrays for name in chunk)
-        pairs = list(zip(times, arrays, strict=True))
-        joined = {
-            name: np.concatenate([chunk[name] if name in chunk else np.full(t.shape, np.nan) for t, chunk in pairs])
-            for name in names
-        }
-        self._times[self._joined :], self._arrays[self._joined :] = [np.concatenate(times)], [joined]
+        times, columns = self._columns(self._joined)
+        self._times[self._joined :], self._arrays[self._joined :] = [times], [columns]
         self._joined, self._loose = self._joined + 1, 0
+
+    def _columns(self, first: int = 0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Times and channels of the chunks from one on, each in one piece; NaN where a chunk does not have a channel."""
+        chunks = list(zip(self._times[first:], self._arrays[first:], strict=True))
+        columns = {
+            name: np.concatenate([chunk[name] if name in chunk else np.full(t.shape, np.nan) for t, chunk in chunks])
+            for name in dict.fromkeys(name for _, chunk in chunks for name in chunk)
+        }
+        return np.concatenate([times for times, _ in chunks]), columns
 
     def recording(self, meta: Mapping[str, JsonValue] | None = None) -> Recording:
         """Return the samples kept so far; a channel is NaN if a chunk did not have it.
@@ -229,13 +232,8 @@ class Chunks:
         """
         if not self._times:
             raise InputError("recording", None, "is empty: the run recorded no sample")
-        time = np.concatenate(self._times)
-        present = {name for chunk in self._arrays for name in chunk}
-        channels = {}
-        for name in (name for name in self.kinds if name in present):
-            pairs = zip(self._times, self._arrays, strict=True)
-            column = [chunk[name] if name in chunk else np.full(times.shape, np.nan) for times, chunk in pairs]
-            channels[name] = Channel(np.concatenate(column), *self.kinds[name])
+        time, columns = self._columns()
+        channels = {name: Channel(columns[name], *kind) for name, kind in self.kinds.items() if name in columns}
         places = np.flatnonzero(np.diff(time) > LONGEST_GAP * self.period)
         gaps = [[float(time[i]), float(time[i + 1])] for i in places]
         return Recording(time, channels, {**(meta or {}), **({"gaps": gaps} if gaps else {})})

@@ -318,8 +318,7 @@ class Rig:
         """
         if name is not None:
             if name not in self.plumbing:
-                known = list(self.plumbing)
-                raise InputError("plumbing", name, known=known, where=self.where)
+                raise InputError("plumbing", name, known=self.plumbing, where=self.where)
             return name
         needed = set(protocol.required())
         sorts = [(n, p.parts()) for n, p in self.plumbing.items() if p.has_muscle]
@@ -341,7 +340,6 @@ class Rig:
         plumbing = self.plumbing[layout]
         motor, cell = self.motor, self.sensors.get("tension")
         top = min(float(self.valve_out.top), float(plumbing.supply_pressure))
-        still = motor is None
         # A set-point can rise as fast as the gas follows [Pa/s]: by the open valve into the volumes
         room = self.environment
         supply = GasState(plumbing.supply_pressure + room.pressure_abs, room.temperature)
@@ -356,7 +354,7 @@ class Rig:
             motor_force=float("inf") if motor is None else float(motor.largest_force),
             span=(self.shortest, self.longest),
             speed=0.0 if motor is None else float(motor.largest_speed),
-            acceleration=float("inf") if still or motor is None else float(motor.largest_force / motor.mass),
+            acceleration=float("inf") if motor is None else float(motor.largest_force / motor.mass),
             sample_rates=(float(self.computer.lowest_rate), float(self.computer.highest_rate)),
             resolution=self.resolution(),
             has=self.parts(layout),

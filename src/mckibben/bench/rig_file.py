@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import functools
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -102,12 +101,10 @@ def rig(
         document, where = copy.deepcopy(dict(name.document)), name.where or name.name
     elif text.lower().endswith(".toml") or os.sep in text:
         document, where = with_own_references(with_own_paths(read_toml(text, field="rig"), text), text), text
+    elif text in (known := rig_names()):
+        document, where = _shipped(text), f"{text}.toml"
     else:
-        if text not in rig_names():
-            known = rig_names()
-            raise InputError("rig", text, "give the path of a .toml file or one of", known=known)
-        where = f"{text}.toml"
-        document = parse_toml((resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8"), where=where)
+        raise InputError("rig", text, "give the path of a .toml file or one of", known=known)
     if "base" in document:
         document = _derived(document, where)
     for path_, value in named_values(changes or {}, "changes").items():
@@ -118,15 +115,19 @@ def rig(
     return made.calibrated(name.calibration) if isinstance(name, Rig) else made
 
 
+def _shipped(name: str) -> dict[str, JsonValue]:
+    """Tables of a rig that ships with the package, without a base."""
+    where = f"{name}.toml"
+    text = (resources.files(__package__) / "rigs" / where).read_text(encoding="utf-8")
+    document: dict[str, JsonValue] = parse_toml(text, where=where)
+    return _derived(document, where) if "base" in document else document
+
+
 def _derived(document: dict[str, JsonValue], where: str) -> dict[str, JsonValue]:
     top = FileTable.of(document, "", where)
     top.only(("schema", "base", "changes", "faults", *DERIVED))
     top.schema(SCHEMA)
-    base = top.word("base", among=tuple(rig_names()))
-    text = (resources.files(__package__) / "rigs" / f"{base}.toml").read_text(encoding="utf-8")
-    made: dict[str, JsonValue] = parse_toml(text, where=f"{base}.toml")
-    if "base" in made:
-        made = _derived(made, f"{base}.toml")
+    made = _shipped(top.word("base", among=tuple(rig_names())))
     changes = top.table("changes")
     for path in changes.values:
         put_rig_value(made, path, changes.word(path), where)
@@ -385,9 +386,3 @@ def _plain(text: Any) -> Any:
         return int(text)
     except ValueError:
         return text
-
-
-@functools.cache
-def shipped_rigs() -> dict[str, Rig]:
-    """Load all rigs that ship with the package."""
-    return {name: rig(name) for name in rig_names()}

@@ -116,16 +116,8 @@ class SegmentMachine:
         at = timing.latency, timing.period
         first, last = (call_compiled(sampled.inputs_of, self.plant, c, *at) for c in (begun, carry))
         sums = map_leaves(lambda end, begin: end - begin, carry.integrals, begun.integrals)
-        ended: Any = _Ended(carry.state["machine"], carry.memory, sums)
+        ended: Any = carry._replace(state=carry.state["machine"], integrals=sums)
         return accounts(self.machine, (begun.state["machine"], begun.memory), ended, first, last)
-
-
-class _Ended(NamedTuple):
-    """The fields of a run that the accounts use."""
-
-    state: Any
-    memory: Any
-    integrals: Any
 
 
 class SensorNoise:

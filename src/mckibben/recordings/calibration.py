@@ -42,6 +42,7 @@ DAY = 86400.0  # [s]
 LONGEST = 36525.0 * DAY  # for which a calibration may be said to be valid [s]; without an end is infinite
 # Value where nobody determined it, and bounds [unit of the channel; gain 1, skew s].
 TERMS = {"gain": (1.0, 1e-3, 1e3), "zero": (0.0, -1e9, 1e9), "skew": (0.0, -1.0, 1.0)}
+UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 Moment = datetime.datetime | str
 
 
@@ -212,25 +213,6 @@ class Calibration:
 
     __repr__ = brief
 
-    def correction(self, channel: str) -> Correction:
-        """Correction of a channel.
-
-        Raises:
-            InputError: if it is not calibrated.
-        """
-        if channel not in self.corrections:
-            known = ", ".join(self.corrections) or "none"
-            raise InputError("channel", channel, f"calibrated are {known}")
-        return self.corrections[channel]
-
-    def apply(self, channel: str, indicated: Scalar) -> Scalar:
-        """Convert indicated values of a channel to true ones [its unit]."""
-        return self.correction(channel).true(indicated)
-
-    def indicated(self, channel: str, true: Scalar) -> Scalar:
-        """Indicated values of a channel for true ones [its unit]."""
-        return self.correction(channel).indicated(true)
-
     def updated(self, corrections: Mapping[str, Correction], date: str) -> Calibration:
         """Update by terms determined at a date; other channels, and other terms of the same sensor, are kept."""
         kept = dict(self.corrections)
@@ -273,7 +255,7 @@ def correction_table(one: Correction, *, bare: bool) -> dict[str, JsonValue]:
     out = {"unit": one.unit, "sensor": one.sensor, "correlation": one.correlation} if bare else {}
     out |= schema.write_table(one, units=units, bare=bare, skip=("terms",))
     for name, term in one.terms.items():
-        term_units = {**units, "term": {"gain": "1", "zero": one.unit, "skew": "s"}[name]}
+        term_units = {**units, "term": UNITS.get(name, one.unit)}
         number: dict[str, Any] = {"value": term.value}
         if not math.isnan(term.uncertainty):
             number |= {"uncertainty": term.uncertainty, "degrees": term.degrees}
@@ -321,7 +303,7 @@ def _read_correction(at: FileTable, bare: bool) -> Correction:
 
 def _read_term(at: FileTable, name: str, unit: str, bare: bool) -> CorrectionTerm:
     at.only(("value", "uncertainty", "degrees", *ORIGIN), f"{name} has")
-    units = {"channel": unit, "term": {"gain": "1", "zero": unit, "skew": "s"}[name]}
+    units = {"channel": unit, "term": UNITS.get(name, unit)}
     stated = at.derived({k: v for k, v in at.values.items() if k in ORIGIN})
     origin = read_table(Origin, stated, units=units, bare=bare) if "method" in at else None
     term = read_table(CorrectionTerm, at.without(*ORIGIN), units=units, bare=bare, origin=origin)
@@ -331,9 +313,8 @@ def _read_term(at: FileTable, name: str, unit: str, bare: bool) -> CorrectionTer
     return term
 
 
-INDICATED = (
-    ".indicated"  # ends the name of a channel that holds what was indicated, beside one that was shifted in time
-)
+# Ends the name of a channel that holds what was indicated, beside one that was shifted in time.
+INDICATED = ".indicated"
 OFF = 1e-3  # of a count; farther from a whole count is no rounding
 LONGEST_GAP = 1.5  # samples; across more, nothing is interpolated
 NONE = Correction(unit="1")

@@ -39,12 +39,21 @@ from ..documents import JsonValue, path_text, read_toml, write_text
 from ..errors import InputError
 from ..quantities import with_unit
 from ..verbs import CalibrationFile, ParameterType, RecordingFile, verb
-from .calibration import DAY, TERMS, Calibration, Correction, carried, correction_table, moment, read_plain, recalibrate
+from .calibration import (
+    DAY,
+    TERMS,
+    UNITS,
+    Calibration,
+    Correction,
+    carried,
+    correction_table,
+    moment,
+    read_plain,
+    recalibrate,
+)
 from .files import read_recording
 from .provenance import created
 from .recording import Recording
-
-UNITS = {"gain": "1", "skew": "s"}  # that of the channel for the rest
 
 CalibrationOrRecording = Annotated[Any, ParameterType("CALIBRATION|RECORDING")]
 

@@ -393,19 +393,14 @@ def select_between(recording: Recording, start: float | str | None, end: float |
         raise error.changed(field="{start}, {end}") from None
 
 
-def read_any(
-    path: str | Path | Recording,
-    *,
-    columns: Mapping[str, str | int] | None = None,
-    units: Mapping[str, str] | None = None,
-    scales: Mapping[str, str] | None = None,
-    period: float | str | None = None,
-    **options: JsonValue,
-) -> ImportResult:
-    """Read a recording of mckibben, or a file of another program as a recording, with a line for each thing left out."""
+def read_any(path: str | Path | Recording, **options: Any) -> ImportResult:
+    """Read a recording of mckibben, or a file of another program as a recording, with a line for each thing left out.
+
+    The options are those of `read`.
+    """
     if isinstance(path, Recording):
         return ImportResult(path, [])
-    reading = understand(path, columns=columns, units=units, scales=scales, period=period, kind="recording", **options)
+    reading = understand(path, kind="recording", **options)
     assert isinstance(reading.data, Recording)
     return ImportResult(reading.data, list(reading.remarks))
 

@@ -412,10 +412,8 @@ def map_of_table(
             hangs = quantity == "tension" and converts(unit, "kg")
             scale = to_si(1.0, unit, "m" if shortens else "kg" if hangs else UNITS[quantity], field=label, where=where)
             if absolute:
-                remarks = [
-                    *remarks,
-                    f"{label} is absolute; the map has gauge pressures, less {with_unit(ambient, 'Pa')}",
-                ]
+                less = with_unit(ambient, "Pa")
+                remarks = [*remarks, f"{label} is absolute; the map has gauge pressures, less {less}"]
             if hangs:
                 scale *= GRAVITY
                 remarks = [*remarks, f"{label} is taken as what hangs on the muscle, {GRAVITY} N for each kg"]

@@ -26,9 +26,7 @@ run_benchmark = VerbsCommand(
         writes={"page": lambda answer, path: write_text(path, page.page(answer, version=__version__))},
         doing=(
             "benchmark",
-            lambda given: run.stages(
-                given.get("models", ()), given.get("tasks", ()), competitors=bool(given["competitors"])
-            ),
+            lambda given: run.stages(given.get("models", ()), given.get("tasks", ()), competitors=given["competitors"]),
         ),
     ),
     (

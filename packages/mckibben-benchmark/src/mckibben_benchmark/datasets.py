@@ -23,7 +23,7 @@ from mckibben.errors import InputError, MissingDataError
 from mckibben.quantities import to_si
 from mckibben.specimens import map_file, specimen
 
-from .validation import AARL, LOOP_FOLDER, MARTENS, NO_LICENCE, PLATEAUS, ROBOT_FOLDER, VARIABLE
+from .validation import AARL, JUMP_TRIALS, LOOP_FOLDER, MARTENS, NO_LICENCE, PLATEAUS, ROBOT_FOLDER, VARIABLE
 
 
 def _protected(values: np.ndarray) -> np.ndarray:
@@ -144,8 +144,7 @@ class DataSplit:
 CUTS = ("10cm", "20cm", "30cm")
 MOUNTINGS = ("Unkink", "kinked25", "kinked50", "kinked75")
 RUN_NAMES = ("Test8", "Test9", "Test10")
-# Jumps of a robot, and the tables of each.
-JUMP_NAMES = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
+# Tables of each jump of a robot.
 JUMP_TABLES = ("pres_filt.txt", "t_valve.txt", "angle_pre.txt", "vid_time.txt")
 LARGEST = 64 << 20  # of a file, unpacked [B]
 
@@ -267,7 +266,7 @@ HOLDS = BenchmarkData(
     licence=NO_LICENCE,
 )
 JUMPS = BenchmarkData(
-    files=tuple(f"{ROBOT_FOLDER}/{jump}/{table}" for jump in JUMP_NAMES for table in JUMP_TABLES),
+    files=tuple(f"{ROBOT_FOLDER}/{jump}/{table}" for jump in JUMP_TRIALS for table in JUMP_TABLES),
     digest="ad127217b62ee927cd541ec785043903f833f7d3670e8db2dfec78bdcf7a63e4",
     source="public repository borglab/GTDynamics, Georgia Tech Research Corp.",
     licence="BSD-style: read, not copied",

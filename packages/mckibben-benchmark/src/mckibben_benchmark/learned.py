@@ -14,6 +14,7 @@ encoder-decoder, EMNLP 2014; R. T. Q. Chen et al., Neural ordinary differential 
 
 from __future__ import annotations
 
+import abc
 import functools
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -88,6 +89,22 @@ class RecordColumns:
         """Predictions by name [SI] of output columns (n, outputs)."""
         plain = values * self.target_size + self.target_centre
         return {name: plain[:, i] for i, name in enumerate(self.outputs)}
+
+    def run_freely(
+        self, record: BenchmarkRecord, run: Callable[[np.ndarray, np.ndarray], Any]
+    ) -> Mapping[str, np.ndarray]:
+        """Predictions at all samples by runs on thinned clocks that begin one sample after the other.
+
+        Args:
+            record: in time.
+            run: outputs (runs, n, outputs) from inputs (runs, n, inputs) and first outputs (runs, outputs).
+        """
+        step, count = self.step, len(record)
+        length = -(-count // step)
+        # Sample i of run k is sample i step + k of the record.
+        inputs = _filled(self.inputs(record), length * step).reshape(length, step, -1).swapaxes(0, 1)
+        values = np.asarray(run(inputs, np.tile(self.initial(record), (step, 1))), float)
+        return self.predicted(values.swapaxes(0, 1).reshape(length * step, -1)[:count])
 
 
 def _spread(values: np.ndarray) -> np.ndarray:
@@ -275,15 +292,8 @@ class ExtendedDMD:
         self.matrix = self._matrix(self.chosen, [(u, y) for u, y, _, _ in runs])
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
-        """Outputs of a free run; runs on thinned clocks begin one sample after the other."""
-        step, count = self.columns.step, len(record)
-        length = -(-count // step)
-        inputs = self.columns.inputs(record)
-        inputs = np.concatenate([inputs, np.repeat(inputs[-1:], length * step - count, axis=0)])
-        inputs = inputs.reshape(length, step, -1).swapaxes(0, 1)
-        first = np.tile(self.columns.initial(record), (step, 1))
-        values = self._free(self.chosen[0], self.matrix, inputs, first)
-        return self.columns.predicted(values.swapaxes(0, 1).reshape(length * step, -1)[:count])
+        """Outputs of free runs from the first ones."""
+        return self.columns.run_freely(record, functools.partial(self._free, self.chosen[0], self.matrix))
 
     def _matrix(self, choice: tuple[int, float], runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
         """Ridge regression of each output on what was lifted one step before (lifted, outputs)."""
@@ -363,10 +373,8 @@ def adam(value_and_slope: Callable[[Any], Any], start: Any, *, steps: int, rate:
 LAYER, DESCENT, RATE = 32, 1000, 1e-2
 DECAYS = (1e-5, 1e-4, 1e-3, 1e-2)
 MEMBERS = 3
-MOST_POINTS, PADDED = (
-    1500,
-    64,
-)  # points, and what their number is filled up to a multiple of, so that few programs are compiled
+# Points, and what their number is filled up to a multiple of, so that few programs are compiled.
+MOST_POINTS, PADDED = 1500, 64
 
 
 class Perceptron:
@@ -439,7 +447,7 @@ def _descent(start: Any, inputs: Any, targets: Any, shares: Any, decay: Any) -> 
         error = jnp.sum(shares[:, None] * (_run(weights, inputs) - targets) ** 2)
         return error + decay * sum(jnp.sum(weights[name] ** 2) for name in ("in", "mid", "out"))
 
-    return adam(functools.partial(jax.value_and_grad(loss)), start, steps=DESCENT, rate=RATE)[0]
+    return adam(jax.value_and_grad(loss), start, steps=DESCENT, rate=RATE)[0]
 
 
 MOST_SAMPLES = 750  # samples of a record that are learned from
@@ -450,11 +458,16 @@ PACE = 0.1  # of the differential equation, per sample of the thinned clock
 Weights = Mapping[str, Any]
 
 
-class _Recurrent:
-    """What both share; `cell` makes the next state of (batch, states) from weights, state and inputs."""
+class _Recurrent(abc.ABC):
+    """What both networks with a memory share."""
 
-    def __init__(self, cell: Callable[[Weights, Any, Any], Any], shapes: Callable[[int, int], dict[str, Any]]) -> None:
-        self.cell, self.shapes = cell, shapes
+    @abc.abstractmethod
+    def shapes(self, inputs: int, outputs: int) -> dict[str, Any]:
+        """Shapes of the weights by name, for numbers of inputs and outputs."""
+
+    @abc.abstractmethod
+    def cell(self, weights: Weights, state: Any, now: Any) -> Any:
+        """Next state of (batch, states) from weights, state and inputs."""
 
     def fit(self, train: Sequence[BenchmarkRecord]) -> None:
         """Choose the number of steps on what is held back, then learn from all training samples.
@@ -484,14 +497,9 @@ class _Recurrent:
         self.weights, _ = learn(start, *data, _shares(shown), _shares(shown), until)
 
     def predict(self, record: BenchmarkRecord) -> Mapping[str, np.ndarray]:
-        step, count = self.columns.step, len(record)
-        length = -(-count // step)
-        # Sample i of run k is sample i step + k of the record.
-        inputs = _filled(self.columns.inputs(record), length * step).reshape(length, step, -1).swapaxes(0, 1)
-        first = np.tile(self.columns.initial(record), (step, 1))
-        values = jax.jit(self._outputs)(self.weights, np.asarray(inputs, np.float32), np.asarray(first, np.float32))
-        whole = np.asarray(values, float).swapaxes(0, 1).reshape(length * step, -1)
-        return self.columns.predicted(whole[:count])
+        """Outputs of the network, from the first ones."""
+        run = jax.jit(self._outputs)
+        return self.columns.run_freely(record, lambda u, first: run(self.weights, _single(u), _single(first)))
 
     def _outputs(self, weights: Weights, inputs: Any, first: Any) -> Any:
         state = jnp.tanh(first @ weights["begin"] + weights["begin_bias"])
@@ -518,15 +526,38 @@ class _Recurrent:
 class GatedRecurrentUnit(_Recurrent):
     """A layer of gated recurrent units, with the inputs straight to the outputs beside it."""
 
-    def __init__(self) -> None:
-        super().__init__(_gated, _gated_shapes)
+    def shapes(self, inputs: int, outputs: int) -> dict[str, Any]:
+        """Gates, and the inputs straight to the outputs."""
+        both = (inputs + HIDDEN, HIDDEN)
+        gates = {"reset": both, "update": both, "candidate": both}
+        return gates | {"begin": (outputs, HIDDEN), "out": (HIDDEN, outputs), "past": (inputs, outputs)}
+
+    def cell(self, weights: Weights, state: Any, now: Any) -> Any:
+        """Next state of the gates."""
+        both = jnp.concatenate([now, state], axis=-1)
+        reset, update = (jax.nn.sigmoid(both @ weights[n] + weights[f"{n}_bias"]) for n in ("reset", "update"))
+        both = jnp.concatenate([now, reset * state], axis=-1)
+        return (1.0 - update) * state + update * jnp.tanh(both @ weights["candidate"] + weights["candidate_bias"])
 
 
 class NeuralODE(_Recurrent):
     """A state whose rate is a network of state and inputs, by Heun's steps; the state is more than the outputs."""
 
-    def __init__(self) -> None:
-        super().__init__(_heun, _rate_shapes)
+    def shapes(self, inputs: int, outputs: int) -> dict[str, Any]:
+        """A hidden layer for the rate of the state."""
+        states = outputs + LATENT
+        rate = {"in": (inputs + states, WIDTH), "rate": (WIDTH, states)}
+        return rate | {"begin": (outputs, states), "out": (states, outputs), "past": (inputs, outputs)}
+
+    def cell(self, weights: Weights, state: Any, now: Any) -> Any:
+        """Next state by a step of Heun."""
+
+        def rate(x: Any) -> Any:
+            hidden = jnp.tanh(jnp.concatenate([now, x], axis=-1) @ weights["in"] + weights["in_bias"])
+            return hidden @ weights["rate"] + weights["rate_bias"] - x
+
+        first = rate(state)
+        return state + 0.5 * PACE * (first + rate(state + PACE * first))
 
 
 def _filled(values: np.ndarray, length: int, fill: float | None = None) -> np.ndarray:
@@ -538,36 +569,3 @@ def _filled(values: np.ndarray, length: int, fill: float | None = None) -> np.nd
 
 def _shares(chosen: np.ndarray) -> np.ndarray:
     return np.asarray(chosen / max(chosen.sum(), 1), np.float32)
-
-
-def _gated_shapes(inputs: int, outputs: int) -> dict[str, Any]:
-    both = (inputs + HIDDEN, HIDDEN)
-    gates = {"reset": both, "update": both, "candidate": both}
-    return gates | {"begin": (outputs, HIDDEN), "out": (HIDDEN, outputs), "past": (inputs, outputs)}
-
-
-def _gated(weights: Weights, state: Any, now: Any) -> Any:
-    both = jnp.concatenate([now, state], axis=-1)
-    reset, update = (jax.nn.sigmoid(both @ weights[n] + weights[f"{n}_bias"]) for n in ("reset", "update"))
-    both = jnp.concatenate([now, reset * state], axis=-1)
-    return (1.0 - update) * state + update * jnp.tanh(both @ weights["candidate"] + weights["candidate_bias"])
-
-
-def _rate_shapes(inputs: int, outputs: int) -> dict[str, Any]:
-    states = outputs + LATENT
-    return {
-        "in": (inputs + states, WIDTH),
-        "rate": (WIDTH, states),
-        "begin": (outputs, states),
-        "out": (states, outputs),
-        "past": (inputs, outputs),
-    }
-
-
-def _heun(weights: Weights, state: Any, now: Any) -> Any:
-    def rate(x: Any) -> Any:
-        hidden = jnp.tanh(jnp.concatenate([now, x], axis=-1) @ weights["in"] + weights["in_bias"])
-        return hidden @ weights["rate"] + weights["rate_bias"] - x
-
-    first = rate(state)
-    return state + 0.5 * PACE * (first + rate(state + PACE * first))

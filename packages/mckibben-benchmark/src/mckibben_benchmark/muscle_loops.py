@@ -183,7 +183,7 @@ class StepCreep:
             "law": self.fit.law,
             "time_constants": self.fit.time_constants,
             "amplitudes": [a._asdict() for a in self.fit.amplitudes],
-            **_errors(self.fit),
+            **stroke_errors(self.fit),
             "inside_band": inside,
             "unseen": count,
             "time": self.fit.time,
@@ -244,7 +244,7 @@ class LoopStudy(Answer):
                 "friction": half.model,
                 "parameters": {name: e._asdict() for name, e in half.parameters.items()},
                 "curve": half.curve,
-                **_errors(half),
+                **stroke_errors(half),
                 "samples": int(half.train.sum()),
                 "converged": half.converged,
                 "warnings": list(half.warnings),
@@ -269,7 +269,7 @@ class LoopStudy(Answer):
         which = Column("which", "fitted half")
         errors = [_millimetres(key, title, ".3f") for key, title in
                   (("rms_seen", "seen"), ("rms_unseen", "unseen"), ("largest_unseen", "largest unseen"))]  # fmt: skip
-        fits = [{"which": name, "friction": half.model, **_errors(half)} for name, half in halves]
+        fits = [{"which": name, "friction": half.model, **stroke_errors(half)} for name, half in halves]
         parameters = [
             {"which": name, "parameter": key, "unit": e.unit, **e._asdict(), "band": f"{e.low:.3g} to {e.high:.3g}"}
             for name, half in halves
@@ -289,7 +289,7 @@ class LoopStudy(Answer):
                     "held": f"{one.start:g} to {one.start + one.fit.time[-1]:.2f}",
                     "until": one.start + one.fit.time[one.fit.train][-1],
                     "law": one.fit.law,
-                    **_errors(one.fit),
+                    **stroke_errors(one.fit),
                     "crept": abs(one.fit.stroke[-1] - one.fit.stroke[0]),
                     "inside": "{} of {}".format(*one.inside),
                     "width": one.high[last] - one.low[last],
@@ -389,7 +389,8 @@ class LoopStudy(Answer):
         return said
 
 
-def _errors(fit: Any) -> dict[str, float]:
+def stroke_errors(fit: LoopFit | CreepFit) -> dict[str, float]:
+    """Errors of the stroke, of the samples that a fit has seen and of the others [m]."""
     return {
         "rms_seen": fit.rmse(seen=True),
         "rms_unseen": fit.rmse(seen=False),

@@ -70,39 +70,26 @@ def required_of_model(kind: object) -> str | None:
     return f"complete; missing: {', '.join(missing)}" if missing else None
 
 
-# Models beside the tension laws, each in a module that is loaded on first use.
+# Models beside the tension laws, each in a module that is loaded on first use: with physics, and without, to compare with.
+PHYSICS = {
+    "friction": f"{__package__}.physics:FrictionModel",
+    "friction_discrepancy": f"{__package__}.physics:FrictionDiscrepancy",
+    "seated_braid_memory": f"{__package__}.physics:SeatedBraidMemory",
+    "creep": f"{__package__}.physics:CreepModel",
+    "kang": f"{__package__}.physics:KangModel",
+    "seated_braid_between": f"{__package__}.physics:ReadMuscle",
+    "robot_circuit": f"{__package__}.physics:RobotCircuit",
+}
+COMPETITORS = {
+    "gaussian_process": f"{__package__}.learned:GaussianProcess",
+    "perceptron": f"{__package__}.learned:Perceptron",
+    "gru": f"{__package__}.learned:GatedRecurrentUnit",
+    "neural_ode": f"{__package__}.learned:NeuralODE",
+    "koopman": f"{__package__}.learned:ExtendedDMD",
+}
 MODELS: Registry[Callable[[], BenchmarkModel]] = Registry(
-    "mckibben.models",
-    "model",
-    {
-        "friction": f"{__package__}.physics:FrictionModel",
-        "friction_discrepancy": f"{__package__}.physics:FrictionDiscrepancy",
-        "seated_braid_memory": f"{__package__}.physics:SeatedBraidMemory",
-        "creep": f"{__package__}.physics:CreepModel",
-        "kang": f"{__package__}.physics:KangModel",
-        "seated_braid_between": f"{__package__}.physics:ReadMuscle",
-        "robot_circuit": f"{__package__}.physics:RobotCircuit",
-        "gaussian_process": f"{__package__}.learned:GaussianProcess",
-        "perceptron": f"{__package__}.learned:Perceptron",
-        "gru": f"{__package__}.learned:GatedRecurrentUnit",
-        "neural_ode": f"{__package__}.learned:NeuralODE",
-        "koopman": f"{__package__}.learned:ExtendedDMD",
-    },
-    accept=required_of_model,
+    "mckibben.models", "model", PHYSICS | COMPETITORS, accept=required_of_model
 )
-
-
-# Models with physics beside the laws, and models without, to compare with.
-PHYSICS = (
-    "seated_braid_memory",
-    "seated_braid_between",
-    "kang",
-    "friction",
-    "friction_discrepancy",
-    "creep",
-    "robot_circuit",
-)
-COMPETITORS = ("gaussian_process", "perceptron", "gru", "neural_ode", "koopman")
 
 
 def model_names(*, competitors: bool = True) -> tuple[str, ...]:
@@ -337,17 +324,12 @@ def score_record(
             raise InputError(name, None, "must be finite wherever it is scored", where=record.name)
         shares.append((values - measured) / scale[record.muscle, name])
     phases = np.full(len(record), "") if record.phase is None else record.phase
-    return list(_by_phase(np.stack(shares), phases, scored, fold, record.muscle))
-
-
-def _by_phase(
-    shares: np.ndarray, phases: np.ndarray, scored: np.ndarray, fold: str, muscle: str
-) -> Iterable[RecordScore]:
+    each, scores = np.stack(shares), []
     for phase in dict.fromkeys(phases[scored].tolist()):
-        some = shares[:, scored & (phases == phase)]
-        yield RecordScore(
-            fold, muscle, phase, float(np.sum(some**2)), some.size, float(np.abs(some).max()), float(np.sum(some))
-        )
+        some = each[:, scored & (phases == phase)]
+        sums = float(np.sum(some**2)), some.size, float(np.abs(some).max()), float(np.sum(some))
+        scores.append(RecordScore(fold, record.muscle, phase, *sums))
+    return scores
 
 
 COLUMNS = ("model", "rms", "95 % interval", "largest", "bias")

@@ -23,7 +23,7 @@ from mckibben.verbs import verb
 
 from . import datasets
 from .datasets import FILLING, VENTING, BenchmarkData, BenchmarkRecord, DataSplit
-from .validation import AARL_ZERO, TRAINED_BELOW
+from .validation import AARL_ZERO, TRAINED_BELOW, cross_section
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,7 @@ def _static_record(points: ForceMap, muscle: str, dimensions: dict[str, float]) 
 
 
 def _dimensions(name: str) -> dict[str, float]:
-    spec = specimen(name)
-    return {
-        "rest_length": spec.property_si("rest_length", "m"),
-        "rest_diameter": spec.property_si("rest_inner_diameter", "m"),
-        "wall_thickness": spec.property_si("wall_thickness", "m"),
-    }
+    return {"rest_length": specimen(name).property_si("rest_length", "m"), **cross_section(name)}
 
 
 def _table(path: Path, name: str) -> BenchmarkRecord:
@@ -242,8 +237,7 @@ def _read_laboratories(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, 
 
 
 def _runs(located: Sequence[tuple[Path, ...]]) -> tuple[DataSplit, ...]:
-    known = {k: v for k, v in _dimensions("DMSP-10-250").items() if k != "rest_length"}
-    records = datasets.isometric_runs(located[0], known, AARL_ZERO)
+    records = datasets.isometric_runs(located[0], cross_section("DMSP-10-250"), AARL_ZERO)
     return _muscle_out(records, lambda record: record.outputs["tension"] > 0.0)
 
 

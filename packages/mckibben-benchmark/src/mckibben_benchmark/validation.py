@@ -95,7 +95,7 @@ def static_sets() -> tuple[StaticSet, ...]:
         title="Festo DMSP-20, the maker's curves",
         source="data sheet of the maker, read off by hand",
         licence=NO_LICENCE,
-        known=_dimensions("DMSP-20-300"),
+        known=cross_section("DMSP-20-300"),
         file="festo_datasheet/DMSP-20_force_contraction.csv",
         rest_length=large.property_si("rest_length", "m"),
         applied=tuple(Applied(large.id, law) for law in large.laws),
@@ -150,7 +150,7 @@ def _map(name: str) -> StaticSet:
         title=spec.title,
         source=MARTENS,
         licence="CC BY 4.0; ships",
-        known=_dimensions(name),
+        known=cross_section(name),
         ships_with=name,
         rest_length=spec.property_si("rest_length", "m"),
         applied=tuple(Applied(name, law) for law in spec.laws if not was_fitted(name, law)),
@@ -164,7 +164,7 @@ def _isometric(muscle: float | None) -> StaticSet:
         title=f"Festo 10 mm, {'three rest lengths at once' if muscle is None else f'{which} at rest'}",
         source=AARL,
         licence=NO_LICENCE,
-        known=_dimensions("DMSP-10-250"),
+        known=cross_section("DMSP-10-250"),
         file=PLATEAUS,
         muscle=muscle,
         pressure_zero=AARL_ZERO,
@@ -172,7 +172,8 @@ def _isometric(muscle: float | None) -> StaticSet:
     )
 
 
-def _dimensions(name: str) -> dict[str, float]:
+def cross_section(name: str) -> dict[str, float]:
+    """Diameter and wall of a specimen, as its laws take them [m]."""
     spec = specimen(name)
     return {
         "rest_diameter": spec.property_si("rest_inner_diameter", "m"),
@@ -188,7 +189,7 @@ def was_fitted(name: str, law: str) -> bool:
 TRAINED_BELOW = to_si(4.0, "bar", "Pa", field="pressure")
 LOOPS, ROBOT = "loops", "robot"
 LOOP_FOLDER, ROBOT_FOLDER = "dmsp_10_250_hysteresis", "gtdynamics_jumping_robot"
-JUMPS = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
+JUMP_TRIALS = ("0p02_knee_80psi", "0p06_65psi", "0p09_65psi", "0p12_65psi")
 EVALUATIONS = 40  # of the robot's circuit, as `study robot` has it
 
 
@@ -333,7 +334,7 @@ def names() -> tuple[str, ...]:
 def stages(only: Iterable[str] = (), laws: Iterable[str] = ()) -> int:
     """Largest number of progress reports of `validation`."""
     chosen, count = _chosen(only), len(tuple(laws) or LAWS)
-    more = LOOP_STAGES * (LOOPS in chosen) + len(JUMPS) * (ROBOT in chosen)
+    more = LOOP_STAGES * (LOOPS in chosen) + len(JUMP_TRIALS) * (ROBOT in chosen)
     return count * sum(s.name in chosen for s in static_sets()) + more
 
 
@@ -382,7 +383,7 @@ def validation(
     jumps: tuple[Jump, ...] = ()
     if LOOPS in chosen:
         if data is not None and (data / LOOP_FOLDER).is_dir():
-            loops = loop_study(data / LOOP_FOLDER, progress=lambda words: tell(words))
+            loops = loop_study(data / LOOP_FOLDER, progress=tell)
         else:
             absent["Loop and creep of a DMSP-10-250"] = LOOP_FOLDER
     if ROBOT in chosen:
@@ -443,9 +444,9 @@ def _applied(applied: Applied, one: StaticSet, points: ForceMap) -> Unfitted:
 def _jumps(folder: Path, evaluations: int, tell: Callable[[str], None]) -> tuple[Jump, ...]:
     """Predict each jump by a fit to the others."""
     jumps = []
-    for name in JUMPS:
+    for name in JUMP_TRIALS:
         tell(f"{ROBOT}, {name} from the others")
-        others = [folder / j for j in JUMPS if j != name]
+        others = [folder / j for j in JUMP_TRIALS if j != name]
         fitted, _ = robot_study(others, [folder / name], evaluations=evaluations)
         unseen = [e for e in fitted.errors if not e.fitted]
         jumps.append(

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from mckibben.identification import Fit
 from mckibben.quantities import from_si
 
-from .muscle_loops import LoopStudy
+from .datasets import JUMPS, LOOP
+from .muscle_loops import LoopStudy, stroke_errors
 from .validation import LOOP_FOLDER, ROBOT_FOLDER, VARIABLE, StaticResult, Validation, ordered_laws
 
 FRONT = "---\nhide:\n  - toc\n---"  # the tables are as wide as the page
@@ -110,11 +111,9 @@ def _seen(validation: Validation, version: str) -> str:
     ]
     if validation.loops:
         count = len(validation.loops.record.pressure)
-        source = "public repository tbazina/pam_lqi_pid"
-        rows.append(["Loop and creep of a DMSP-10-250", f"{count}", DASH, source, "none stated: read, not copied"])
+        rows.append(["Loop and creep of a DMSP-10-250", f"{count}", DASH, LOOP.source, LOOP.licence])
     if validation.jumps:
-        source = "public repository borglab/GTDynamics, Georgia Tech Research Corp."
-        rows.append(["Jumping robot", f"{len(validation.jumps)} jumps", DASH, source, "BSD-style: read, not copied"])
+        rows.append(["Jumping robot", f"{len(validation.jumps)} jumps", DASH, JUMPS.source, JUMPS.licence])
     heading = f"Computed with version {version} from these data:" if version else "Computed from these data:"
     columns = ["data", "points", "largest tension", "source", "licence"]
     lines = [heading, table(columns, rows, right=("points", "largest tension"))]
@@ -189,21 +188,12 @@ _SCHEMES = ("pressure", "length", "block", "rest_length")
 
 def _loops(study: LoopStudy) -> list[str]:
     rows = [
-        [
-            f"{which} half of the loop, from the other",
-            f"`{h.model}`",
-            *(_mm(v) for v in (h.rmse(seen=True), h.rmse(seen=False), h.max_error(seen=False))),
-        ]
-        for which, h in zip(("second", "first"), study.halves, strict=True)
+        [f"{which} half of the loop, from the other", f"`{half.model}`", *map(_mm, stroke_errors(half).values())]
+        for which, half in zip(("second", "first"), study.halves, strict=True)
     ]
-    rows += [
-        [
-            f"creep after {s.segment.replace('_', ' ')}, second half from the first",
-            f"`{s.fit.law}`",
-            *(_mm(v) for v in (s.fit.rmse(seen=True), s.fit.rmse(seen=False), s.fit.max_error(seen=False))),
-        ]
-        for s in study.steps
-    ]
+    for step in study.steps:
+        words = f"creep after {step.segment.replace('_', ' ')}, second half from the first"
+        rows.append([words, f"`{step.fit.law}`", *map(_mm, stroke_errors(step.fit).values())])
     worst = study.worst
     alone = study.branch_errors()
     text = (

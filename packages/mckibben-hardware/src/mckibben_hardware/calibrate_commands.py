@@ -22,16 +22,15 @@ FAULT = "rig.sensors.tension.offset='3 N'"
 
 def ask_person(task: OperatorTask) -> float | None:
     """Ask at the terminal, on standard error; the user types the value of the reference with its unit."""
+    asked = f"{task.sentence[0].upper()}{task.sentence[1:]}"
     if not task.gauge:
-        typer.prompt(
-            f"{task.sentence[0].upper()}{task.sentence[1:]}, then press Enter", "", show_default=False, err=True
-        )
+        typer.prompt(f"{asked}, then press Enter", "", show_default=False, err=True)
         return None
-    value = next(iter(task.values.values()))
+    usual = with_unit(next(iter(task.values.values())), "Pa")
     while True:
-        asked = f"{task.sentence[0].upper()}{task.sentence[1:]}; what does the reference show"
+        shown = typer.prompt(f"{asked}; what does the reference show", usual, err=True)
         try:
-            return parse(str(typer.prompt(asked, with_unit(value, "Pa"), err=True)), "Pa", field="reference")
+            return parse(str(shown), "Pa", field="reference")
         except InputError as error:
             tell_person(error)
 

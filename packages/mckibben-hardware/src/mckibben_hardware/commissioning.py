@@ -393,19 +393,17 @@ class _Judged:
         if self.samples.stopped:
             sentence = f"stopped and vented: {self.samples.stopped}; check its wires, and the scales in the rig's file"
             yield CheckResult("machine", "limits", False, None, "1", sentence)
-            for i, name in enumerate(self.names):
-                yield from self.at_rest(name, i)
-            yield self.line()
-            return
         for i, name in enumerate(self.names):
             yield from self.at_rest(name, i)
-            yield from self.answer(name)
-        yield from self.order()
-        if self.rig.plumbing[self.record.plumbing].shut_off is not None and "pressure" in self.names:
-            yield self.tightness()
-        if SPAN in self.readings:
-            yield self.encoder()
-        yield from self.venting()
+            if not self.samples.stopped:
+                yield from self.answer(name)
+        if not self.samples.stopped:
+            yield from self.order()
+            if self.rig.plumbing[self.record.plumbing].shut_off is not None and "pressure" in self.names:
+                yield self.tightness()
+            if SPAN in self.readings:
+                yield self.encoder()
+            yield from self.venting()
         yield self.line()
 
     def at_rest(self, name: str, i: int) -> Iterator[CheckResult]:
@@ -538,11 +536,10 @@ class _Judged:
             yield self.result("valve_pressure", "order", None, None, sentence, unit="1")
             return
         right = most > -least
-        by = most if right else -least
+        by = most if right else least
         where = "ahead of" if right else "behind"
-        sentence = f"is {where} pressure by {100.0 * by:.2g} % of the step while the muscle fills"
-        value = by if right else -by
-        yield self.result("valve_pressure", "order", right, value, sentence, ": exchange the wires of both", "1")
+        sentence = f"is {where} pressure by {100.0 * abs(by):.2g} % of the step while the muscle fills"
+        yield self.result("valve_pressure", "order", right, by, sentence, ": exchange the wires of both", "1")
 
     def tightness(self) -> CheckResult:
         """Whether the shut muscle keeps its pressure, while the valve vents."""

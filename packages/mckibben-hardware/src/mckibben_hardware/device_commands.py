@@ -82,12 +82,8 @@ def _ask(pressure: str, motor: bool) -> None:
     if not sys.stdin.isatty():
         raise InputError("--yes", None, "is missing: nobody can be asked at a terminal whether air may flow")
     moves = " and the motor will pull" if motor else ""
-    typer.prompt(
-        f"Air of {pressure} will flow into the muscle{moves}: keep clear of it, then press Enter",
-        "",
-        show_default=False,
-        err=True,
-    )
+    asked = f"Air of {pressure} will flow into the muscle{moves}: keep clear of it, then press Enter"
+    typer.prompt(asked, "", show_default=False, err=True)
 
 
 CHECKED = OutputKinds(rig=SPECIMEN, recording=RECORDING, record=OBJECT)

@@ -361,9 +361,9 @@ class ReplayedHardware(Hardware):
 def open_replay(request: HardwareRequest) -> Hardware:
     """The backend ``replay``: the machine of the file ``request.place``, whose channels must be those of the rig."""
     record, _ = read_check(request.place)
-    missing = [n for n in request.rig.converters(0.0).names if n not in record.rig.converters(0.0).names]
+    known = record.rig.converters(0.0).names
+    missing = [n for n in request.rig.converters(0.0).names if n not in known]
     if missing:
-        known = record.rig.converters(0.0).names
         raise InputError(
             "channels", ", ".join(missing), "the machine of the check has", known=known, where=request.place
         )
@@ -472,7 +472,7 @@ def _zeros(record: CheckRecord) -> tuple[bool, str]:
     def rests(task: OperatorTask) -> None:
         """The machine of a check rests where it is not asked for anything."""
 
-    with HardwareReadings(ReplayedHardware(record), record.rig.converters(0.0), scales=scales) as readings:
+    with HardwareReadings(ReplayedHardware(record), record.rig.converters(0.0), scales) as readings:
         session = CalibrationSession(source=readings, ask=rests, date=record.created)
         found = session.zero(names).corrections
     zeros = {n: found[n].terms["zero"].value for n in names}

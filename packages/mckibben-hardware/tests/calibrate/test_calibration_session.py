@@ -161,7 +161,7 @@ class Machine(Hardware):
 def test_a_machine_is_vented_held_without_force_and_let_go_and_its_counts_become_nominal_values():
     machine = Machine()
     machine.edges = -3
-    with HardwareReadings(machine, MODERN.converters(0.2)) as source:
+    with HardwareReadings(machine, MODERN.converters(0.2), grids(MODERN)) as source:
         found = source.read(20)
         assert source.grids["tension"].resolution == pytest.approx(2200.0 / 65536)
     at = MODERN.sensors["tension"].converter
@@ -174,7 +174,7 @@ def test_a_machine_is_vented_held_without_force_and_let_go_and_its_counts_become
 
 def test_a_session_on_a_machine_finds_the_gain_of_its_counts():
     machine = Machine()
-    with HardwareReadings(machine, MODERN.converters(0.2), scales=grids(MODERN)) as source:
+    with HardwareReadings(machine, MODERN.converters(0.2), grids(MODERN)) as source:
 
         def ask(task: OperatorTask) -> None:
             machine.given["tension"] = int(
@@ -190,7 +190,7 @@ def test_a_lost_line_ends_the_reading_with_its_reason_and_the_machine_is_let_go(
     machine = Machine(lost=10)
     with (
         pytest.raises(LineLostError, match="line is silent"),
-        HardwareReadings(machine, MODERN.converters(0.2)) as source,
+        HardwareReadings(machine, MODERN.converters(0.2), grids(MODERN)) as source,
     ):
         source.read(1000)
     assert machine.done == ["start", "vent", "close"]
@@ -200,7 +200,7 @@ def test_channels_that_a_machine_does_not_have_are_named():
     machine = Machine()
     machine.names = ("pressure",)
     with pytest.raises(InputError, match="Unknown channels 'valve_pressure, tension'. The machine has pressure"):
-        HardwareReadings(machine, MODERN.converters(0.2))
+        HardwareReadings(machine, MODERN.converters(0.2), grids(MODERN))
 
 
 @pytest.mark.parametrize(

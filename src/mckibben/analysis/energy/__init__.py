@@ -11,14 +11,11 @@ longer report of the same work, whose Part IV this is.
 from ..._lazy import lazy_submodules
 from .cycles import CYCLES as CYCLES
 from .cycles import READINGS as READINGS
-from .cycles import VOLUMES as VOLUMES
 from .cycles import Conditions as Conditions
 from .cycles import CycleMuscle as CycleMuscle
 from .cycles import EnergyCycle as EnergyCycle
 from .cycles import cycle_muscle as cycle_muscle
 from .cycles import energy_cycle as energy_cycle
-from .cycles import has_paper_volume as has_paper_volume
-from .working_cycles import LOSSES as LOSSES
 from .working_cycles import CycleLoops as CycleLoops
 from .working_cycles import CyclePath as CyclePath
 from .working_cycles import EnergyCurve as EnergyCurve

@@ -72,10 +72,6 @@ class CycleMuscle(Module):
         """Gauge pressure from which the gas pulls, zero for a law without one [Pa]."""
         return jnp.asarray(getattr(self.law, "threshold_pressure", 0.0), float)
 
-    def length_range(self) -> tuple[Scalar, Scalar]:
-        """Shortest braid length in which an end of a stroke is sought, and the longest that the law is made for [m]."""
-        return self.law.length_range()
-
 
 class PaperMuscle(CycleMuscle):
     """Eq. 12 with the volume of eq. 38b, as printed."""
@@ -247,7 +243,13 @@ class Conditions(NamedTuple):
                 raise InputError(name, None, f"must be a number that is not negative, got {value:g} {unit}")
         if self.reading not in READINGS:
             raise InputError("reading", self.reading, known=READINGS)
-        _check_pressures(self, float(muscle.threshold()))
+        ambient, threshold = float(self.ambient.pressure_abs), float(muscle.threshold())
+        if not (math.isfinite(self.pressure) and threshold < self.pressure <= 1e8):
+            least = f"the threshold of {with_unit(threshold, 'Pa')}" if threshold else "that of the surroundings"
+            raise InputError("pressure", with_unit(self.pressure, "Pa"), f"must be above {least}, up to 1000 bar")
+        if not -0.99 * ambient <= self.exchange_pressure < self.pressure:
+            exchange, problem = with_unit(self.exchange_pressure, "Pa"), "must be below the pressure, above a vacuum"
+            raise InputError("exchange_pressure", exchange, problem)
         shown, thread = with_unit(self.stretched_length, "m"), getattr(muscle.law, "thread_length", None)
         if thread is not None and self.stretched_length >= float(thread):
             longest = with_unit(float(thread), "m")
@@ -320,23 +322,9 @@ def energy_cycle(muscle: CycleMuscle, name: str, conditions: Conditions) -> Ener
     conditions.check(muscle)
     cycle = EnergyCycle(*(float(v) for v in computed(muscle, name, conditions)))
     if not math.isfinite(cycle.input):
-        raise InputError(
-            "pressure",
-            with_unit(conditions.pressure, "Pa"),
-            f"must be more for the cycle '{name}'; or give a lower exchange pressure",
-        )
+        problem = f"must be more for the cycle '{name}'; or give a lower exchange pressure"
+        raise InputError("pressure", with_unit(conditions.pressure, "Pa"), problem)
     return cycle
-
-
-def _check_pressures(c: Conditions, threshold: float) -> None:
-    ambient = float(c.ambient.pressure_abs)
-    if not (math.isfinite(c.pressure) and threshold < c.pressure <= 1e8):
-        least = f"the threshold of {with_unit(threshold, 'Pa')}" if threshold else "that of the surroundings"
-        raise InputError("pressure", with_unit(c.pressure, "Pa"), f"must be above {least}, up to 1000 bar")
-    if not -0.99 * ambient <= c.exchange_pressure < c.pressure:
-        raise InputError(
-            "exchange_pressure", with_unit(c.exchange_pressure, "Pa"), "must be below the pressure, above a vacuum"
-        )
 
 
 # ---- the numbers, for one pressure or an array of them
@@ -347,7 +335,7 @@ def computed(muscle: CycleMuscle, name: str, c: Conditions, pressure: np.ndarray
     probe, long = Probe(muscle), c.stretched_length
     high, low = np.asarray(c.pressure if pressure is None else pressure, float), c.exchange_pressure
     start, inside, load = _start(probe, name, c, high)
-    least, most = (float(v) for v in muscle.length_range())
+    least, most = (float(v) for v in muscle.law.length_range())
     end = rising_root(lambda x: probe.tension(x, high) - inside, np.full_like(high, least), np.full_like(high, long))
     short, rest = probe.volume(end, high), probe.volume(long, low)
     fill = _filling(probe, long, low, start)
@@ -496,20 +484,17 @@ def _of_the_papers() -> Environment:
 def stretched_length(spec: Specimen, muscle: CycleMuscle) -> float:
     """Length at the start of cycles [m]."""
     known = [n for n in ("stretched_length", "upper_length", "rest_length") if n in spec.properties]
-    return spec.property_si(known[0], "m") if known else float(muscle.length_range()[1])
+    return spec.property_si(known[0], "m") if known else float(muscle.law.length_range()[1])
 
 
-def check_threads(spec: Specimen, length: float, *, field: str = "stretched_length", shown: str = "") -> None:
+def check_threads(spec: Specimen, length: float, *, shown: str = "") -> None:
     """Refuse a length [m] that is not below that of the threads, wherever the specimen states one."""
     for group in spec.laws.values():
         if "thread_length" in group:
             threads = group["thread_length"].si("m", field="thread_length", where=spec.where)
             if isinstance(threads, float) and length >= threads:
-                raise InputError(
-                    field,
-                    shown or with_unit(length, "m"),
-                    f"must be below {with_unit(threads, 'm')}, the length of its threads",
-                )
+                problem = f"must be below {with_unit(threads, 'm')}, the length of its threads"
+                raise InputError("stretched_length", shown or with_unit(length, "m"), problem)
 
 
 def coulomb_friction(spec: Specimen) -> float:
@@ -517,18 +502,16 @@ def coulomb_friction(spec: Specimen) -> float:
     return spec.property_si("coulomb_friction", "N") if "coulomb_friction" in spec.properties else 0.0
 
 
-def at_threshold(
-    muscle: CycleMuscle, law: str, *, field: str = "accumulator", cure: str = "a pressure of its own"
-) -> float:
+def at_threshold(muscle: CycleMuscle, law: str) -> float:
     """Gauge pressure of an accumulator at the threshold [Pa].
 
     Raises:
-        InputError: the law has no threshold; `cure` is what is allowed instead.
+        InputError: the law has no threshold; says what is allowed instead.
     """
     if float(muscle.threshold()) <= 0.0:
-        raise InputError(
-            field, None, f"cannot be used with the law '{law}', which has no threshold pressure; use {cure}"
-        )
+        cure = "use an accumulator pressure, such as '0.9 bar'"
+        problem = f"cannot be used with the law '{law}', which has no threshold pressure; {cure}"
+        raise InputError("accumulator", None, problem)
     return float(muscle.threshold())
 
 

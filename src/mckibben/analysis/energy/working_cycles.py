@@ -226,9 +226,8 @@ def _tendon(probe: Probe, name: str, c: Conditions, cycle: EnergyCycle, points: 
     limp = np.array([[cycle.shortened_length, cycle.taut_length], [0.0, 0.0]]) if slack else np.empty((2, 0))
     start = np.array([[c.stretched_length], [taken[-1]]])
     x, y = np.concatenate([start, np.stack([lengths, pull]), limp, np.stack([down, taken])], axis=1)
-    last = (
-        points + 1 + int(slack and name == "maximal")
-    )  # the paper's D is where the muscle is taut, its H where it ended
+    # the paper's D is where the muscle is taut, its H where it ended
+    last = points + 1 + int(slack and name == "maximal")
     names = [n if n[0] in "ADEH" else n[0] for n in _compared_names(name, c)]
     return CyclePath(x, y, dict(zip(names, (0, 1, points, last), strict=True)))
 
@@ -471,11 +470,17 @@ def energy(
     around = one_cycle.surroundings(spec)
     if ambient is not None:
         around = Environment(pressure_abs=float(ambient))
+    stretched = _stretched(spec, own, law, stretched_length, contraction)
+    exchange = 0.0 if accumulator_pressure is None else float(accumulator_pressure)
+    if accumulator:
+        if accumulator_pressure is not None:
+            raise InputError("accumulator_pressure", None, "is allowed only without an accumulator at the threshold")
+        exchange = one_cycle.at_threshold(own, law)
     conditions = Conditions(
         pressure=usual_pressure(spec) if pressure is None else float(pressure),
-        stretched_length=_stretched(spec, own, law, stretched_length, contraction),
+        stretched_length=stretched,
         ambient=around,
-        exchange_pressure=_exchange(accumulator, accumulator_pressure, own, law),
+        exchange_pressure=exchange,
         friction=one_cycle.coulomb_friction(spec) if friction is None else float(friction),
         reading=reading,
     )
@@ -524,13 +529,3 @@ def _stretched(
     stretched = float(length)
     one_cycle.check_threads(spec, stretched, shown=getattr(length, "text", ""))
     return stretched
-
-
-def _exchange(accumulator: bool, pressure: float | str | None, muscle: CycleMuscle, law: str) -> float:
-    """Gauge pressure of the exchange [Pa]."""
-    if pressure is not None and accumulator:
-        raise InputError("accumulator_pressure", None, "is allowed only without an accumulator at the threshold")
-    if pressure is not None:
-        return float(pressure)
-    cure = "an accumulator pressure, such as '0.9 bar'"
-    return one_cycle.at_threshold(muscle, law, cure=cure) if accumulator else 0.0

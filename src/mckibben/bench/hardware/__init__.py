@@ -11,7 +11,6 @@ from .stand import Encoder as Encoder
 from .stand import Frame as Frame
 from .stand import FrameState as FrameState
 from .stand import Motor as Motor
-from .stand import MotorPowers as MotorPowers
 from .stand import StandState as StandState
 from .stand import TestStand as TestStand
 

@@ -39,12 +39,8 @@ class Computer(Module):
                 "lowest_rate", None, f"must be at most {high:g} 1/s, the highest, got {low:g} 1/s", where="Computer"
             )
         if low * tick > 1.0:
-            raise InputError(
-                "timer_resolution",
-                None,
-                f"must be at most {1.0 / low:g} s, the longest period, got {tick:g} s",
-                where="Computer",
-            )
+            problem = f"must be at most {1.0 / low:g} s, the longest period, got {tick:g} s"
+            raise InputError("timer_resolution", None, problem, where="Computer")
 
     def period(self, sample_rate: float) -> float:
         """Sample period of the timer for a rate [1/s] [s].
@@ -54,12 +50,8 @@ class Computer(Module):
         """
         low, high, tick = float(self.lowest_rate), float(self.highest_rate), float(self.timer_resolution)
         if not low <= sample_rate <= high:
-            raise InputError(
-                "sample_rate",
-                None,
-                f"must be between {low:g} 1/s and {high:g} 1/s, got {sample_rate:g} 1/s",
-                where="computer",
-            )
+            problem = f"must be between {low:g} 1/s and {high:g} 1/s, got {sample_rate:g} 1/s"
+            raise InputError("sample_rate", None, problem, where="computer")
         fewest = math.ceil((1.0 - ROUNDING) / (high * tick))  # rounding must not make it faster than it can be
         return max(round(1.0 / (sample_rate * tick)), fewest, 1) * tick
 

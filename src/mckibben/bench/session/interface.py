@@ -40,7 +40,6 @@ from ..software.sequencer import SPAN, TENSION, VELOCITY, Manual
 
 if TYPE_CHECKING:
     from ...recordings.recording import Recording
-    from ..hardware.simulated import Clock
     from ..protocol_run import Display, Progress, RunState
 
 

@@ -143,45 +143,6 @@ def zero(nothing: ReferenceReading, *, resolution: float, uncertainty: float = 0
     )
 
 
-def dead_weights(
-    masses: Sequence[tuple[float, ReferenceReading]],
-    *,
-    resolution: float,
-    uncertainty: float = 0.0,
-    gravity: float = GRAVITY,
-    gravity_uncertainty: float = 0.0,
-) -> CalibrationLine:
-    """Calibrate a load cell from masses.
-
-    Args:
-        masses: each mass [kg] with its reading [N]; up and down again shows hysteresis.
-        resolution: one count [N].
-        uncertainty: standard, of each mass [kg].
-        gravity: where the cell is [m/s^2].
-        gravity_uncertainty: standard [m/s^2].
-    """
-    for mass, _ in masses:
-        if not (math.isfinite(mass) and mass >= 0.0):
-            raise InputError("masses", None, f"must be 0 kg or more, got {mass:g} kg")
-    reference = Reference("", uncertainty * gravity, gravity_uncertainty / gravity, exact_nothing=True)
-    return line(
-        [Point(m, m * gravity, r) for m, r in masses], resolution=resolution, reference=reference, subject="masses"
-    )
-
-
-def pressure_reference(points: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
-    """Calibrate a pressure sensor from a reference gauge; points in gauge pressures, resolution [Pa]."""
-    return line(points, resolution=resolution, reference=reference, subject="pressures")
-
-
-def encoder(travels: Sequence[Point], *, resolution: float, reference: Reference) -> CalibrationLine:
-    """Calibrate an encoder from known travels: the gain is metres per count over the nominal ones.
-
-    The zero is where the counter stood in this session, and says nothing about the next one. Points and resolution [m].
-    """
-    return line(travels, resolution=resolution, reference=reference, subject="travels")
-
-
 def line(
     points: Sequence[Point], *, resolution: float, reference: Reference, subject: str = "points"
 ) -> CalibrationLine:

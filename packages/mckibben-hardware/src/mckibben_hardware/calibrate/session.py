@@ -211,9 +211,7 @@ class HardwareReadings:
     zeroed once, at the beginning. To be used in a ``with``.
     """
 
-    def __init__(
-        self, hardware: Hardware, converters: Converters, *, scales: Mapping[str, ChannelScale] | None = None
-    ) -> None:
+    def __init__(self, hardware: Hardware, converters: Converters, scales: Mapping[str, ChannelScale]) -> None:
         """Prepare the readings of a machine that is not started yet, with the scales of its counts."""
         self.period, self._hardware = PERIOD, hardware
         self._scales = dict(converters.analog)
@@ -222,13 +220,8 @@ class HardwareReadings:
         missing = [n for n in self._scales if n not in hardware.names]
         if missing:
             raise InputError("channels", ", ".join(missing), "the machine has", known=hardware.names)
-        self.grids = {
-            n: ChannelScale(float(s.low), float(s.top), float(s.resolution), SENSORS[n].unit if n in SENSORS else "1")
-            for n, s in self._scales.items()
-        }
-        if self._encoder is not None:
-            self.grids[SPAN] = ChannelScale(-math.inf, math.inf, float(self._encoder.resolution), "m")
-        self.grids |= {n: one for n, one in (scales or {}).items() if n in self.grids}
+        known = {*self._scales} | ({SPAN} if self._encoder is not None else set())
+        self.grids = {n: one for n, one in scales.items() if n in known}
         self._news = threading.Condition()
         self._wanted, self._request, self._ended = 0, 0, False
         self._rows: list[tuple[tuple[int, ...], int]] = []
@@ -363,15 +356,10 @@ class CalibrationSession:
             for m in masses
         ]
         points = self._points(dict(zip(masses, asked, strict=True)), [channel])[channel]
-        grid = self._grid(channel)
-        line = estimate.dead_weights(
-            [(p.setting, p.reading) for p in points],
-            resolution=grid.resolution,
-            uncertainty=uncertainty,
-            gravity=gravity,
-            gravity_uncertainty=gravity_uncertainty,
-        )
-        reference = Reference(name, uncertainty * gravity, gravity_uncertainty / gravity)
+        reference = Reference(name, uncertainty * gravity, gravity_uncertainty / gravity, exact_nothing=True)
+        weights = [p._replace(true=p.setting * gravity) for p in points]
+        resolution = self._grid(channel).resolution
+        line = estimate.line(weights, resolution=resolution, reference=reference, subject="masses")
         return self._outcome("weights", reference, {channel: line}, {channel: points})
 
     def pressure(self, pressures: Sequence[float], reference: Reference, channels: Sequence[str]) -> CalibrationOutcome:
@@ -394,17 +382,22 @@ class CalibrationSession:
                     problem = f"must be between {ends}, the range of the sensor"
                     raise InputError(f"reference for {name}", with_unit(p.true, grid.unit), problem)
         lines = {
-            n: estimate.pressure_reference(some, resolution=self._grid(n).resolution, reference=reference)
+            n: estimate.line(some, resolution=self._grid(n).resolution, reference=reference, subject="pressures")
             for n, some in points.items()
         }
         return self._outcome("pressure", reference, lines, points)
 
     def encoder(self, travels: Sequence[float], reference: Reference) -> CalibrationOutcome:
-        """Calibrate the encoder by known travels [m], such as of gauge blocks; only the gain is determined."""
+        """Calibrate the encoder by known travels [m], such as of gauge blocks.
+
+        Only the gain is determined, metres per count over the nominal ones: the zero is where the counter stood in this
+        session, and says nothing about the next one.
+        """
         _different("travels", travels, "m")
         asked = {x: OperatorTask(f"move the end to the travel {with_unit(x, 'm', 6)}", {SPAN: x}) for x in travels}
         points = self._points(asked, [SPAN])
-        line = estimate.encoder(points[SPAN], resolution=self._grid(SPAN).resolution, reference=reference)
+        resolution = self._grid(SPAN).resolution
+        line = estimate.line(points[SPAN], resolution=resolution, reference=reference, subject="travels")
         return self._outcome("encoder", reference, {SPAN: line}, points, ("gain",))
 
     def skew(self, channels: Sequence[str], *, frequency: float, to: float | None = None) -> CalibrationOutcome:
@@ -522,12 +515,11 @@ class CalibrationSession:
 
 def _different(subject: str, values: Sequence[float], unit: str, least: float = -math.inf) -> None:
     """Refuse settings that do not determine a line, before the operator is requested the first."""
-    for value in values:
+    shown = [_mass(value) if unit == "kg" else with_unit(value, unit) for value in values]
+    for value, word in zip(values, shown, strict=True):
         if not (math.isfinite(value) and value >= least):
-            raise InputError(
-                subject, _mass(value) if unit == "kg" else with_unit(value, unit), f"must be {least:g} {unit} or more"
-            )
-    words = ", ".join(_mass(v) if unit == "kg" else with_unit(v, unit) for v in values) or None
+            raise InputError(subject, word, f"must be {least:g} {unit} or more")
+    words = ", ".join(shown) or None
     if len(values) < 2:
         raise InputError(subject, words, "must be two different ones or more, for there are a gain and a zero to find")
     if len(set(values)) < len(values):

@@ -161,7 +161,7 @@ def _opened(
     hardware.backends.check_connection(machine)
     with hardware.backends.connected(machine, rig, sources.PERIOD) as opened:
         assert opened is not None
-        with sources.HardwareReadings(opened, rig.converters(0.0), scales=sources.grids(rig)) as readings:
+        with sources.HardwareReadings(opened, rig.converters(0.0), sources.grids(rig)) as readings:
             yield begin(source=readings, ask=ask, again=session.get("again")), found
 
 
@@ -295,16 +295,9 @@ def calibrate_weights(
     # what is simulated hangs at standard gravity, unless it is said how far that is known
     scale = 0.0 if gravity is None else of_g / g
     simulated = Reference(reference, standard * g, scale, exact_nothing=True)
+    of_cell = {"uncertainty": standard, "gravity": g, "gravity_uncertainty": of_g}
     with _opened(session, samples, simulated) as (opened, found):
-        outcome = opened.weights(
-            _several("masses", masses),
-            uncertainty=standard,
-            gravity=g,
-            gravity_uncertainty=of_g,
-            name=reference,
-            channel=channel,
-        )
-        return found(outcome)
+        return found(opened.weights(_several("masses", masses), name=reference, channel=channel, **of_cell))
 
 
 @verbs.verb
@@ -354,10 +347,8 @@ def calibrate_pressure(
         if value:
             raise InputError(name, None, "is allowed only without {readings}, which were taken before")
     points = _taken(readings, _names(channels))
-    with _opened({**session, "simulate": True}, samples, gauge) as (
-        opened,
-        found,
-    ):  # of which only the scales are asked
+    # of which only the scales are asked
+    with _opened({**session, "simulate": True}, samples, gauge) as (opened, found):
         answer = found(opened.taken_pressures(points, gauge))
     once = [name for name, some in points.items() if len({p.setting for p in some}) == len(some)]
     said = [f"{name} was read once at each pressure, so its uncertainty has no hysteresis" for name in once]

@@ -3,19 +3,12 @@
 Importing this loads nothing of NI: `nidaqmx` is loaded when a card is opened.
 """
 
-from .hardware import DaqHardware, DaqStatistics, OverrunError
-from .simulated import SimulatedDevice
-from .wiring import Analog, CardWiring, Counter, Drive, ShutOff, wiring
-
-__all__ = [
-    "Analog",
-    "Counter",
-    "DaqHardware",
-    "Drive",
-    "OverrunError",
-    "ShutOff",
-    "SimulatedDevice",
-    "DaqStatistics",
-    "CardWiring",
-    "wiring",
-]
+from .hardware import DaqHardware as DaqHardware
+from .hardware import OverrunError as OverrunError
+from .simulated import SimulatedDevice as SimulatedDevice
+from .wiring import Analog as Analog
+from .wiring import CardWiring as CardWiring
+from .wiring import Counter as Counter
+from .wiring import Drive as Drive
+from .wiring import ShutOff as ShutOff
+from .wiring import wiring as wiring

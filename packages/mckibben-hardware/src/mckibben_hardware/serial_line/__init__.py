@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from . import microcontroller as microcontroller
     from .device import About as About
     from .link import SerialHardware as SerialHardware
-    from .link import SerialStatistics as SerialStatistics
     from .microcontroller import in_thread as in_thread
 
 lazy_submodules(__name__)
