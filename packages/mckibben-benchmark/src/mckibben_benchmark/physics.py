@@ -120,7 +120,7 @@ class ReadMuscle:
         fitted = self._of_others(record.muscle)
         own = {k: v for k, v in record.dimensions.items() if k in declared(law_type(fitted.law))}
         reach = max(float(np.max(length)), own["rest_length"])
-        new = fitted.one_more(**(own | {"upper_length": reach}))
+        new = fitted.one_more(elsewhere=False, **(own | {"upper_length": reach}))
         read = [r for r in self.train if r.muscle == record.muscle]
         if read:
             points = joined(read)
