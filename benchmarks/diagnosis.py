@@ -1,7 +1,7 @@
 """How well `mckibben diagnose` does on simulated rigs: false alarms of sound runs, and the confusion matrix of faults.
 
     python benchmarks/diagnosis.py [--sound N] [--faulty N] [--seed N] [--out FILE]
-    python benchmarks/diagnosis.py --off N --rounds N [--times X] [--only FAULTS] [--seed N] [--out FILE]
+    python benchmarks/diagnosis.py --off N --rounds N [--times X] [--only FAULTS] [--protocol NAME] [--seed N] [--out FILE]
     python benchmarks/diagnosis.py --draw FILE
 
 Sound runs differ in the seed of the sensors' noise; each muscle and protocol has its share of them, run in lanes. Faulty
@@ -165,6 +165,7 @@ def measure_off(
     *,
     times: float = 1.0,
     only: tuple[str, ...] = (),
+    protocol: str = "",
 ) -> Iterator[dict[str, Any]]:
     """Diagnose runs of rigs whose files are off: sound ones, and rounds of one run of each fault on each case.
 
@@ -176,21 +177,22 @@ def measure_off(
         tell: called with each row.
         times: by which the sizes of the faults are larger than those in `BESIDE`.
         only: names of faults; all where empty.
+        protocol: whose cases are run; all where empty.
     """
     from mckibben.components import paths
     from mckibben.quantities import parse
     from mckibben.studies.diagnosis.observer import stated_numbers
 
-    present = Counter(row["fault"] for row in before if (row["seed"], row["times"]) == (seed, times))
-    turns = -(-count // len(OFF_CASES))
+    present = Counter((row["case"], row["fault"]) for row in before if (row["seed"], row["times"]) == (seed, times))
+    cases = [(number, case) for number, case in enumerate(OFF_CASES) if protocol in ("", case.protocol)]
+    turns = -(-count // len(cases))
     wanted = [name for name in only or BESIDE if name != "none"]
-    cases = tuple(enumerate(OFF_CASES))
     order = [*itertools.product(range(turns), cases, ["none"]), *itertools.product(range(rounds), cases, wanted)]
     for turn, (number, case), fault in order:
         if fault == "law" and case.muscle not in OTHER_LAWS:
             continue
-        if present[fault]:
-            present[fault] -= 1
+        if present[number, fault]:
+            present[number, fault] -= 1
             continue
         chance = np.random.default_rng([seed, turn, number, list(BESIDE).index(fault)])
         place = f"sensors.{fault.removesuffix(' gain')}.gain_error" if " gain" in fault else f"faults.{fault}"
@@ -431,6 +433,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="faults to run anew beside the results of the file, with commas")
     parser.add_argument("--off", type=int, default=0, help="sound runs of rigs whose files are off")
     parser.add_argument("--rounds", type=int, default=0, help="rounds of faults on rigs whose files are off")
+    parser.add_argument("--protocol", default="", help="protocol of the cases whose files are off; all by default")
     parser.add_argument("--times", type=float, default=1.0, help="factor of the sizes of these faults")
     parser.add_argument("--out", default="diagnosis.json", help="JSON file of the results")
     parser.add_argument("--draw", default="", help="write figure and tables of the documentation from a JSON file")
@@ -449,7 +452,14 @@ def main() -> int:
         kept = json.loads(out.read_text(encoding="utf-8")) if out.exists() else {}
         rows = kept.setdefault("off", [])
         for row in measure_off(
-            options.off, options.rounds, options.seed, list(rows), tell, times=options.times, only=only
+            options.off,
+            options.rounds,
+            options.seed,
+            list(rows),
+            tell,
+            times=options.times,
+            only=only,
+            protocol=options.protocol,
         ):
             rows.append(row)
             write(kept, options.out)

@@ -49,7 +49,7 @@ def found() -> Fit:
 
 def unread(found: Fit, between: Between | None = None, *, elsewhere: bool = False) -> NewMuscle:
     fitted = found if between is None else replace(found, between=between)
-    return fitted._one_more({"rest_length": OTHER}, elsewhere)
+    return fitted.one_more(elsewhere=elsewhere, rest_length=OTHER)
 
 
 def reading(share: float, pressure: float = 5.5e5) -> TensionReading:

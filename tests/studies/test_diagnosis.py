@@ -145,6 +145,34 @@ def test_a_leak_is_found_beside_a_file_that_is_off(observer):
     assert value == pytest.approx(leak, rel=0.15) and low < leak < high
 
 
+def test_starts_that_nearly_cancel_are_noise_where_they_differ_and_what_hardly_shows_is_not():
+    """A release shows the friction at its start for a moment only: 3 % of it, but tens of times the noise."""
+    blank = mk.Recording(TIME, {"span": mk.Channel(SPAN, "m", "measured", "span")}, {})
+    observer = observer_of(blank, "modern", muscle="nylon", exact=True)
+    compare = fault_fit._Comparison(observer, sections_of(record(observer), observer.channels))
+    compare.scale = compare.noise()[:, None]
+    held, released, small = np.zeros((3, 3, 40))
+    held[2, :20], released[2, 20], small[2, 30] = 300.0, 10.0, 0.05
+    compare.starts = np.array([held + released, released - held, small]) * compare.scale
+    left = compare.scaled(np.array([2.0 * released, small / 0.05]) * compare.scale).reshape(2, 3, 40)
+    assert abs(left[0, 2, 20]) < 1.0  # of 20 noises
+    assert left[1, 2, 30] == pytest.approx(
+        1.0, abs=0.02
+    )  # a block that a start changes by a twentieth of the noise stays
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fault", "words"), [("", ""), ("leak", "0.05 l/min/bar"), ("tension_drift", "0.17 N/s")])
+def test_a_quick_release_beside_a_file_that_is_off_shows_its_fault_and_no_other(fault, words):
+    """The search for what the file states wrongly knows start and motion: bent to the release it made a slipping clamp."""
+    rig = mk.rig("modern", {f"faults.{fault}": words} if fault else {})
+    run = mk.run("quick-release", rig, muscle="nylon", load="30 N", seed=5)
+    observer = observer_of(run, "modern", muscle=OFF)
+    one = fault_fit.diagnose_sections(observer, sections_of(run, observer.channels))
+    assert one.described and one.fault == fault and not one.calibration
+    assert one.misfit < 1.5
+
+
 def test_a_law_that_is_not_the_muscles_is_said_before_any_fault(observer):
     result = diagnose(record(observer), rig="modern", muscle=mk.muscle("nylon", law="ideal"))
     assert (result.fault, result.described) == ("", False) and result.misfit > 10.0

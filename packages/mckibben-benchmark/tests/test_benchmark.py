@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from mckibben.cli.app import app
 from mckibben.errors import InputError, MissingDataError
+from mckibben.muscles.build import build_law
 from mckibben_benchmark import TASKS, BenchmarkRecord, BenchmarkResult, DataSplit, benchmark, new_model, run_task, task
 from mckibben_benchmark.datasets import HOLDS, VENTING, hold_folds
 from mckibben_benchmark.learned import RecordColumns, held_back, likelihood
@@ -253,6 +254,32 @@ def test_two_readings_halve_the_error_of_a_muscle_from_another_laboratory():
     assert (
         np.abs(ours - others).max() < 0.02 * fold.test[0].outputs["tension"].max()
     )  # that has an error of each length
+
+
+def test_a_reading_of_another_bore_moves_the_whole_tension():
+    """The gain of another bore is known less, so that a reading that is off is taken as gain; as a fit answers it."""
+    true = {"rest_angle": 0.386, "shear_modulus": 1.0e6, "seat_compliance": 1.6e-4, "wall_thickness": 0.0018}
+    share, pressure = (axis.ravel() for axis in np.meshgrid(np.linspace(0.88, 1.0, 4), np.linspace(1e5, 6e5, 8)))
+
+    def of(name: str, rest: float, bore: float, gain: float) -> BenchmarkRecord:
+        sizes = {"rest_diameter": bore, "wall_thickness": 0.0018, "rest_length": rest}
+        law = build_law("seated_braid", true | sizes | {"upper_length": rest + 1e-3})
+        tension = gain * np.asarray(law.tension(rest * share, pressure))
+        return BenchmarkRecord(name, name, {"length": rest * share, "pressure": pressure}, {"tension": tension}, sizes)
+
+    others = [of(f"{rest}", rest, 0.010, gain) for rest, gain in ((0.083, 1.02), (0.182, 0.98), (0.281, 1.01))]
+    moved = []
+    for bore in (0.010, 0.020):
+        whole = of("new", 0.13, bore, 1.2)
+        told = []
+        for read in ([], [whole.select(np.arange(len(whole)) == len(whole) - 1)]):  # at rest and the highest pressure
+            model = new_model("seated_braid_between")
+            model.fit([*others, *read])
+            told.append(model.predict(whole.unseen())["tension"])
+        moved.append(told[1][-4:] / told[0][-4:])  # at the highest pressure
+    same, other = moved
+    assert other == pytest.approx(1.2, abs=0.02)  # the reading was 1.2 times the law, and its noise is 0.4 %
+    assert same.min() < 1.15  # of the same bore it is taken as an error of length, too, which acts at one length
 
 
 def test_the_path_of_a_muscle_like_kang_s_is_found_from_every_other_run_of_samples():

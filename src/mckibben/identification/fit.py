@@ -347,10 +347,19 @@ class Fit(FittedLaw):
             InputError: a reading is refused, or the fit knows no differences between muscles.
             ConvergenceError: the fit did not converge.
         """
-        return CalibratedFit(self, self._one_more({"rest_length": rest_length}, elsewhere).conditioned(readings))
+        return CalibratedFit(self, self.one_more(elsewhere=elsewhere, rest_length=rest_length).conditioned(readings))
 
-    def _one_more(self, changes: dict[str, Any], elsewhere: bool) -> NewMuscle:
-        """One more muscle of the kind, its parameters changed."""
+    def one_more(self, *, elsewhere: bool = False, **changes: Any) -> NewMuscle:
+        """One more muscle of the kind as a Gaussian over its tensions, which readings condition.
+
+        Args:
+            elsewhere: it is not measured on the rig of the table.
+            changes: parameters of its law, such as ``rest_length``; of another bore its gain is known less.
+
+        Raises:
+            InputError: a parameter is refused, or the fit knows no differences between muscles.
+            ConvergenceError: the fit did not converge.
+        """
         if not self.converged:
             raise ConvergenceError(f"{self.law}: the fit did not converge, so that no interval follows")
         if self.between is None:
@@ -415,7 +424,7 @@ class Fit(FittedLaw):
             return np.asarray(self.build(**changes | moved).tension(at[0] + shift, at[1]))
 
         if self.between is not None:
-            new = self._one_more(changes, elsewhere)
+            new = self.one_more(elsewhere=elsewhere, **changes)
             warn(new.cautions())
             return new.predicted(at[0], at[1], tension())
         columns = [self._half_width(tension, name, width) for name, width in zip(names, spread, strict=True)]

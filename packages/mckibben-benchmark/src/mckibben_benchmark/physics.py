@@ -21,7 +21,6 @@ import numpy as np
 from mckibben.errors import InputError
 from mckibben.estimation import descend
 from mckibben.identification.between import Between
-from mckibben.identification.calibration import muscle_of_fit
 from mckibben.identification.circuit_fit import fit_circuit, run_trial
 from mckibben.identification.creep_fit import LAWS, CreepFit, fit_creep
 from mckibben.identification.fit import Fit
@@ -121,9 +120,7 @@ class ReadMuscle:
         fitted = self._of_others(record.muscle)
         own = {k: v for k, v in record.dimensions.items() if k in declared(law_type(fitted.law))}
         reach = max(float(np.max(length)), own["rest_length"])
-        law = fitted.build(**{**own, "upper_length": reach})
-        assert fitted.between is not None
-        new = muscle_of_fit(fitted, fitted.between, law, tuple(fitted.parameters))
+        new = fitted.one_more(elsewhere=False, **(own | {"upper_length": reach}))
         read = [r for r in self.train if r.muscle == record.muscle]
         if read:
             points = joined(read)

@@ -57,7 +57,8 @@ TELLING = 6.0  # a likelihood e^3 times smaller: such a fault is not excluded
 BLOCK = 0.02  # readings are averaged over it [s]
 # A section is compared from where it has forgotten how friction and pressure at the valve began, which no recording says:
 # starts as different as these are predicted alike, to a share of the noise of a block. It is at most a share of it.
-# What is left of them then is fitted along with each fault.
+# What is left of them then is noise to each fault, as are another motion and more gas, each up to so many times its step.
+FARTHEST_START = 3.0
 STARTS = ({START_FRICTION: 0.02}, {START_FRICTION: -0.02}, {START_PORT: 0.02}, {START_PORT: -0.02})
 FORGOTTEN, SKIPPED, FEWEST_SKIPPED = 0.1, 0.25, 2
 LEAST_GRIP = 1e-3  # of a clamp that is searched [N]
@@ -137,7 +138,6 @@ SAID_OFF, MOST_OFF = 0.5, 4  # usual errors from which on a number is shown, and
 # Share of a fault's size at which its effect is taken, too, beside numbers that may be off: at the whole size what bends in
 # it is no number's and seems to tell it from them; at a small one that is so of a simulation's roughness.
 SMALL = 0.1
-LEAST_SHARE = 0.02  # of the strongest, of a combination of the start's effects that is told from the others
 
 
 class FaultFit(NamedTuple):
@@ -666,29 +666,19 @@ class _Comparison:
         return spread
 
     def scaled(self, blocks: np.ndarray) -> np.ndarray:
-        """Blocks as rows (..., channels times blocks), in units of the standard deviations, without the start's effects."""
+        """Blocks as rows (..., channels times blocks), in units of the standard deviations, with what is unknown as noise.
+
+        What start and motion of each section and the numbers of the description may do is noise too, of a covariance with
+        one direction for each. A combination of them has less weight as far as it would show, however small its share is:
+        two starts of the friction nearly cancel, but for the moment in which the braid is released.
+        """
         rows: np.ndarray = (blocks / self.spread).reshape(*blocks.shape[:-2], -1)
-        rows = self._without_starts(rows)
-        if not len(self.loose):
+        unknown = np.array([*(FARTHEST_START * self.starts), *self.loose])
+        if not len(unknown):
             return rows
-        # what the numbers of the description may do is further noise, of a covariance with one direction for each
-        loose = self._without_starts((self.loose / self.spread).reshape(len(self.loose), -1))
-        left, strength, _ = np.linalg.svd(loose.T, full_matrices=False)
+        left, strength, _ = np.linalg.svd((unknown / self.spread).reshape(len(unknown), -1).T, full_matrices=False)
         kept: np.ndarray = rows - ((rows @ left) * (1.0 - 1.0 / np.sqrt(1.0 + strength**2))) @ left.T
         return kept
-
-    def _without_starts(self, rows: np.ndarray) -> np.ndarray:
-        if not len(self.starts):
-            return rows
-        starts = (self.starts / self.spread).reshape(len(self.starts), -1)
-        size = np.sqrt((starts**2).sum(axis=1))
-        seen = size > np.sqrt(LEAST_EFFECT)
-        if not seen.any():
-            return rows
-        left, strength, _ = np.linalg.svd((starts[seen] / size[seen, None]).T, full_matrices=False)
-        basis = left[:, strength > LEAST_SHARE * strength[0]]
-        free: np.ndarray = rows - (rows @ basis) @ basis.T
-        return free
 
 
 def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -> Diagnosis:
@@ -728,9 +718,20 @@ def diagnose_sections(observer: Observer, sections: Sequence[RecordedSection]) -
 
 
 def _around(compare: _Comparison) -> list[dict[str, float]]:
-    """Sets of values: a rig as it is described, other starts of it, and a step of each number of the description."""
+    """Sets of values: a rig as it is described, other starts and motion of it, and a step of each number described."""
     steps = [{n: off + OFF_STEP} for n, off in compare.described.items()]
-    return [{}, {START_GAS: START}, *STARTS, *steps]
+    return [{}, {START_GAS: START}, *STARTS, {MOTION: 1.0}, *steps]
+
+
+def _begin_around(compare: _Comparison, tables: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Take starts and motion of the readings of `_around`, and return blocks of the rig as described, and of the steps."""
+    last = 2 + len(STARTS)
+    compare.begin([np.concatenate([table[:1], table[2:last]]) for table in tables])
+    blocks = compare.blocks(tables)
+    compare.starts = compare.of_each_section(blocks[1 : last + 1] - blocks[0])
+    rough = maximum_filter1d(np.abs(blocks[last] - blocks[0]), 3, axis=1)
+    compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
+    return blocks[0], (blocks[last + 1 :] - blocks[0]) / OFF_STEP
 
 
 class _Description(NamedTuple):
@@ -775,14 +776,11 @@ def _descend(compare: _Comparison, fault: Mapping[str, float], start: Mapping[st
     Noise beyond that of the sensors is unknown, by one factor for all of them.
     """
     names, compare.described = list(start), dict(start)
-    compare.loose, compare.rough = compare.loose[:0], np.zeros((len(compare.channels), 1))
-    compare.scale, begun = compare.noise()[:, None], 2 + len(STARTS)
+    compare.loose, compare.scale = compare.loose[:0], compare.noise()[:, None]
     for _ in range(DESCRIBED_ROUNDS):
         tables = compare.readings([{**fault, **one} for one in _around(compare)])
-        compare.begin([np.concatenate([table[:1], table[2:begun]]) for table in tables])
-        predicted = compare.blocks(tables)
-        off, effects = compare.measured - predicted[0], (predicted[begun:] - predicted[0]) / OFF_STEP
-        compare.starts = compare.of_each_section(predicted[1:begun] - predicted[0])
+        predicted, effects = _begin_around(compare, tables)
+        off = compare.measured - predicted
         stated = np.array([*compare.described.values()])
         now = _Description(
             compare.described, _unlikely(compare, off, stated), float((compare.scaled(off) ** 2).mean()), tables
@@ -803,7 +801,8 @@ def _unlikely(compare: _Comparison, off: np.ndarray, stated: np.ndarray) -> floa
     """Twice the negative logarithm of the posterior of a description, with the noise that it leaves."""
     misfit = float((compare.scaled(off) ** 2).sum())
     widest = max(misfit / off.size, 1.0)
-    return misfit / widest + off.size * float(np.log(widest)) + float(stated @ stated)
+    volume = 2.0 * float(np.log(compare.spread / compare.scale).sum())  # of blocks that have less weight
+    return misfit / widest + off.size * float(np.log(widest)) + volume + float(stated @ stated)
 
 
 def _step_of(
@@ -842,26 +841,20 @@ def _judge(compare: _Comparison, around: Sequence[np.ndarray] | None = None) -> 
         slips = [(CLAMP_GRIP, SIZES[CLAMP_GRIP] * rung) for rung in RUNGS[CLAMP_GRIP]]
     tried = [*tried, *slips]
     small = [(n, SMALL * SIZES[n]) for n in names if compare.described and n not in RUNGS]
-    others = compare.readings([*({n: v} for n, v in (*tried, *small)), {MOTION: 1.0}])
-    last = 2 + len(STARTS)
-    compare.begin([np.concatenate([table[:1], table[2:last]]) for table in around])
-    predicted, further = compare.blocks(around), compare.blocks(others)
-    sound = predicted[0]
+    others = compare.readings([{n: v} for n, v in (*tried, *small)])
+    sound, effects_of_numbers = _begin_around(compare, around)
+    further = compare.blocks(others)
     # As if the stated numbers had been predicted with: their deviations are centred there.
     off_by = np.array([*compare.described.values()])
-    effects_of_numbers = (predicted[last:] - sound) / OFF_STEP
     compare.measured = compare.measured + np.einsum("k,kcb->cb", off_by, effects_of_numbers)
     changed = further[: len(tried)] - sound
-    compare.starts = compare.of_each_section(predicted[1:last] - sound)
-    rough = maximum_filter1d(np.abs(further[-1] - sound), 3, axis=1)
-    compare.rough = np.where(rough > compare.noise()[:, None], rough, 0.0)
     widened = _set_scale(compare, changed, effects_of_numbers, compare.measured - sound)
     compare.loose = effects_of_numbers
     residual = compare.scaled(compare.measured - sound)
     effects = compare.scaled(changed)
     alone = {n: _first_fit(n, tried, effects, residual, widened) for n in names}
     values, spread, likelihoods, limits = ({n: alone[n][i] for n in names} for i in range(4))
-    for (n, v), effect in zip(small, further[len(tried) : -1] - sound, strict=True):
+    for (n, v), effect in zip(small, further[len(tried) :] - sound, strict=True):
         strength = max(float(np.sum(compare.scaled(effect) ** 2)), 1e-12) / widened
         limits[n] = max(limits[n], _seen_from(np.array([v]), np.array([strength])))
     if max(likelihoods.values()) <= THRESHOLD:
