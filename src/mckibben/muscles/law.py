@@ -280,6 +280,8 @@ class TensionLaw(Module):
             crossings = np.flatnonzero(
                 (excess[:-1] < 0.0) & (excess[1:] >= 0.0) | (excess[:-1] > 0.0) & (excess[1:] <= 0.0)
             )
+            if crossings.size == 0 and look > 0:
+                break  # the last digits of the tension are not those of the wider grid
             if crossings.size == 0:
                 least, most = excess.min() + tension, excess.max() + tension
                 raise UnreachableError(
@@ -288,7 +290,8 @@ class TensionLaw(Module):
                 )
             i = int(crossings[0])
             low, high = grid[i], grid[i + 1]
-        return float(low - excess[i] * (high - low) / (excess[i + 1] - excess[i]))
+            before, after = excess[i], excess[i + 1]
+        return float(low - before * (high - low) / (after - before))
 
     @evaluated
     def pressures_for(self, tension: Scalar, span: Scalar, highest: Scalar = HIGHEST_PRESSURE) -> Scalar:
