@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..answers import Caution
+from ..answers import Caution, brief
 from ..documents import JsonValue
 from ..errors import InputError
 from ..estimation import NORMAL_QUANTILE, UNDETERMINED, Estimation
@@ -293,6 +293,7 @@ class MuscleLaw:
     highest_pressure: float
     shortest: float = SHORTEST
     stated: frozenset[str] = frozenset()
+    __repr__ = brief
 
     def problem(self, length: np.ndarray, pressure: np.ndarray) -> Problem:
         """The law at some points, its fitted parameters free."""
@@ -352,6 +353,7 @@ class NewMuscle:
     spread: np.ndarray
     readings: tuple[TensionReading, ...] = ()
     other_bore: bool = False
+    __repr__ = brief
 
     def conditioned(self, readings: Any) -> NewMuscle:
         """The same muscle with further readings; all that it has condition it together.

@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jax import Scalar, jax
+from ..answers import brief
 from ..documents import JsonValue
 from ..engine.native import EngineFunction, compile_function
 from ..errors import InputError, each_once
@@ -71,6 +72,7 @@ class Problem:
     known: Mapping[str, Any]
     points: ForceMap
     length_error: float = 0.0  # standard deviation of the error of each set length [m]
+    __repr__ = brief
 
     @classmethod
     def of(
