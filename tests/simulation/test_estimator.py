@@ -70,7 +70,7 @@ def held(truth, known):
 def test_length_and_tension_of_a_known_muscle_are_found_from_its_pressure():
     length, tension, _ = errors(*followed(trusted=True))
     assert length < 0.25e-3
-    assert tension < 3.0  # what the force of a muscle in hand is known to
+    assert tension < 3.0  # of some 250
 
 
 @pytest.mark.parametrize("diameter", [1.0, 1.025])

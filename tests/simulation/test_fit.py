@@ -87,7 +87,7 @@ def fitted(noise=False):
 def test_four_numbers_of_another_muscle_are_found_in_the_record_of_its_motion():
     values = [e.value for e in fitted().estimates.values()]
     truth = [TRUE[0], float(bench().machine.units["muscle"].law.rest_angle) + math.radians(0.7), *TRUE[2:]]
-    np.testing.assert_allclose(values, truth, rtol=5e-4)  # as the issue asks; differences leave 1e-6
+    np.testing.assert_allclose(values, truth, rtol=5e-4)  # differences of the slopes leave 1e-6
     assert fitted().converged
 
 
