@@ -29,11 +29,13 @@ def test_a_wide_tube_that_still_fills_is_read_from_a_longer_run():
     assert first.record["muscle.pressure"][-1] == pytest.approx(
         4.85e5, abs=500.0
     )  # where the trace is when the run ends
-    found, whole = short.quick(True).numbers, long.quick(True).numbers
+    answers = short.quick(True), long.quick(True)
+    found, whole = (answer.numbers for answer in answers)
     assert found.settled and found.after == pytest.approx(5e5, abs=5e3)
     assert (found.after, found.transition, found.delay) == pytest.approx((whole.after, whole.transition, whole.delay))
-    assert diagram._ending(short, found) == f"settles at {with_unit(found.after, 'Pa')}"
-    assert diagram._ending(long, whole) == f"ends at {with_unit(whole.after, 'Pa')}"
+    said, whole_said = (diagram.pressure_chart(*one).summary for one in zip((short, long), answers, strict=True))
+    assert said.endswith(f"it settles at {with_unit(found.after, 'Pa')}")
+    assert whole_said.endswith(f"it ends at {with_unit(whole.after, 'Pa')}")
 
 
 def test_the_rise_over_the_length_of_a_tube_is_to_the_settled_pressure():
@@ -47,7 +49,8 @@ def test_the_rise_over_the_length_of_a_tube_is_to_the_settled_pressure():
 @pytest.mark.slow  # 64 times the run
 def test_what_does_not_settle_in_64_times_its_run_says_so_and_has_no_rise():
     narrow = desk_with("0.3 mm")
-    found = narrow.quick(True).numbers
+    answer = narrow.quick(True)
+    found = answer.numbers
     assert not found.settled and found.duration == pytest.approx(64 * 0.3)
-    assert diagram._ending(narrow, found) == "has not settled"
+    assert diagram.pressure_chart(narrow, answer).summary.endswith("it has not settled")
     assert np.isnan(narrow.sweep().rises[-1])
