@@ -233,7 +233,9 @@ class _Reader:
         """End the process; a child of `fork` only forgets that of its parent."""
         if self.owner == os.getpid():
             self.process.kill()
-        self.process.wait()  # at once where it is no child of this process
+            self.process.wait()
+        else:  # without the lock of `wait`, which another thread may have held at the fork
+            self.process.returncode = 0
         for stream in (self.process.stdin, self.process.stdout, self.complaints):
             with contextlib.suppress(OSError):
                 stream.close()  # type: ignore[union-attr]

@@ -193,6 +193,13 @@ def test_beyond_the_measured_rest_lengths_an_interval_holds_what_the_law_was_off
         assert (known is None) is (rest != 0.2)
 
 
+def test_a_law_that_was_cut_is_judged_by_its_own_length_also_beside_the_file_of_the_whole_muscle():
+    """As in a size, whose muscles are cut one by one from the law of a file."""
+    whole, cut = mk.muscle("DMSP-40-400"), mk.muscle("DMSP-40-400", rest_length="15 cm")
+    share = make_spread(cut.specimen, cut.law).elsewhere
+    assert make_spread(whole.specimen, cut.law).elsewhere == share > make_spread(whole.specimen, whole.law).elsewhere
+
+
 def test_a_pull_at_a_length_to_which_no_gas_shortens_a_braid_is_said_of_the_longest_such():
     shortest = LAW.thread_length / np.sqrt(3.0)  # threads at 54.7 degrees
     lengths = shortest * np.array([0.9, 0.979, 0.981, 1.2])

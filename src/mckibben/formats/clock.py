@@ -65,11 +65,8 @@ def times_of(
     time = values * scale + offset if scale != 1.0 or offset else values.astype(float)
     if len(time) and time.min() >= _THIS_CENTURY[0] and time.max() < _THIS_CENTURY[1]:
         begin = time[0]
-        return (
-            np.round(time - begin, 6),
-            str(np.datetime64(round(1e6 * begin), "us")),
-            None,
-        )  # doubles hold no less there
+        since = np.round(time - begin, 6)  # doubles hold no less of seconds since 1970
+        return since, str(np.datetime64(round(1e6 * begin), "us")), None
     counted = len(values) > 1 and bool((values == np.round(values)).all())
     wrap = None
     if counted and (back := float(np.diff(values).min())) < 0.0:

@@ -148,19 +148,18 @@ def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = Fals
     """Half width that a specimen states [N]; a share needs the rest length and highest pressure of the largest tension."""
     shares = _shares(spec, law)
     if not shares["elsewhere"] and not shares["calibrated"]:
-        known = "tension_uncertainty" in spec.properties and not _off_at_rest_length(spec, law_name(law))
+        known = "tension_uncertainty" in spec.properties and not _off_at_rest_length(spec, law)
         return spec.property_si("tension_uncertainty", "N") if known else None
     share = shares["calibrated"] or shares["same_rig" if same_rig else "elsewhere"]
-    if share is None or _of_other_bore(spec, law) or not {"rest_length", PRESSURE_OF_LARGEST} <= spec.properties.keys():
+    at = _rest_length(spec, law)
+    if share is None or at is None or _of_other_bore(spec, law) or PRESSURE_OF_LARGEST not in spec.properties:
         return None
-    rest = getattr(law, "rest_length", None)  # of a muscle that was cut, not of the one in the file
-    at = spec.property_si("rest_length", "m") if rest is None else float(rest)
     return share * float(law.tension(at, spec.property_si(PRESSURE_OF_LARGEST, "Pa")))
 
 
 def _shares(spec: Specimen, law: TensionLaw) -> dict[str, float | None]:
     """Shares that a specimen states, wider by what its law was off at rest lengths to which it was not fitted."""
-    off, shares = _off_at_rest_length(spec, law_name(law)), dict.fromkeys(BETWEEN_SHARES)
+    off, shares = _off_at_rest_length(spec, law), dict.fromkeys(BETWEEN_SHARES)
     for name in spec.between.keys() & shares.keys():
         share = float(str(spec.between[name].si("1", field=f"between.{name}")))
         shares[name] = (
@@ -169,19 +168,26 @@ def _shares(spec: Specimen, law: TensionLaw) -> dict[str, float | None]:
     return {name: None if share is None or np.isinf(share) else share for name, share in shares.items()}
 
 
-def _off_at_rest_length(spec: Specimen, law: str) -> float:
+def _off_at_rest_length(spec: Specimen, law: TensionLaw) -> float:
     """Largest error found at rest lengths beyond the measured ones [1]; infinite where nobody looked, 0 at measured."""
-    if not _beyond_measured(spec):
+    if not _beyond_measured(spec, _rest_length(spec, law)):
         return 0.0
-    error = error_of(spec, law)
+    error = error_of(spec, law_name(law))
     return np.inf if error is None or error.other_length is None else error.other_length
 
 
-def _beyond_measured(spec: Specimen) -> bool:
+def _rest_length(spec: Specimen, law: TensionLaw) -> float | None:
+    """Rest length of a muscle that was cut, of which the law knows, and else of the one in the file [m]."""
+    rest = getattr(law, "rest_length", None)
+    if rest is not None:
+        return float(rest)
+    return spec.property_si("rest_length", "m") if "rest_length" in spec.properties else None
+
+
+def _beyond_measured(spec: Specimen, rest: float | None) -> bool:
     measured = measured_rest_lengths(spec)
-    if not measured or "rest_length" not in spec.properties:
+    if not measured or rest is None:
         return False
-    rest = spec.property_si("rest_length", "m")
     return not (1.0 - SAME_LENGTH) * measured[0] <= rest <= (1.0 + SAME_LENGTH) * measured[-1]
 
 
@@ -270,20 +276,20 @@ def law_cautions(spec: Specimen | None, law: TensionLaw | None, *, at_rest: bool
     of_make = spread is not None and max(spread.elsewhere or 0.0, spread.calibrated or 0.0) > NOTABLE
     words = [f"the tension of {spec.id} by {name} may be off by {error}"] * large + [f"{spread}"] * of_make
     said = Caution("; ".join(words), "law") if words else None
-    return collect(said, _rest_length_caution(spec, name, error), braid_caution(spec, name) if at_rest else None)
+    return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, name) if at_rest else None)
 
 
-def _rest_length_caution(spec: Specimen, law: str, error: LawError | None) -> Caution | None:
-    if not _beyond_measured(spec):
+def _rest_length_caution(spec: Specimen, law: TensionLaw, error: LawError | None) -> Caution | None:
+    measured, rest = measured_rest_lengths(spec), _rest_length(spec, law)
+    if rest is None or not _beyond_measured(spec, rest):
         return None
-    measured, rest = measured_rest_lengths(spec), spec.property_si("rest_length", "m")
     ends = " to ".join(with_unit(end, "m", 3) for end in dict.fromkeys((measured[0], measured[-1])))
     said = f"a rest length of {with_unit(rest, 'm', 4)} is beyond the measured ones of {spec.id}, {ends}"
     if error is None or error.other_length is None:
         why = "the tension there is that of a like muscle, and nothing says how far it is off"
     else:
-        note = spec.errors[law]["other_length"].note
-        why = f"there {law} was off by up to {_percent(error.other_length)} of the largest tension ({note})"
+        note = spec.errors[law_name(law)]["other_length"].note
+        why = f"there {law_name(law)} was off by up to {_percent(error.other_length)} of the largest tension ({note})"
     return Caution(f"{said}: {why}", "rest_length")
 
 

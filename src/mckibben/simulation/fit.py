@@ -182,9 +182,7 @@ class _Drive(NamedTuple):
         for name, values in commands.items():
             if not np.isfinite(values).all():
                 raise InputError("record", None, f"{found[name]} must be finite at every sample")
-            if (
-                driven.get(name) == "Pa"
-            ):  # small ones beside others are what its sensor shows at rest, not slips of a unit
+            if driven.get(name) == "Pa":  # small ones beside others are its sensor's zero, and no slips of a unit
                 values = values[(values < 0.0) | (values == values.max())]
             simulation.check_held(name, values, values)
         first = shown is None or bool(shown[0])
