@@ -54,11 +54,14 @@ def columns(names: str, *factors: float, keep: Any = slice(None), **how: Any) ->
 
 
 def since_the_first(channels: Callable[[Path], dict[str, Any]]) -> Callable[[Path], dict[str, Any]]:
-    """Seconds since 1970 as a record has them: from its first sample on, whose date is in the meta."""
+    """Milliseconds since 1970 as a record has them: seconds from its first sample on, whose date is in the meta.
+
+    They are whole, so that their difference is exact; one of seconds would have the last bit of 1.7e9 s in it.
+    """
 
     def expected(path: Path) -> dict[str, Any]:
         known = channels(path)
-        return known | {"time": known["time"] - known["time"][0]}
+        return known | {"time": 1e-3 * (known["time"] - known["time"][0])}
 
     return expected
 
@@ -197,7 +200,7 @@ CASES: dict[str, Case] = {
     "c19_volt.tdms": Case({}, sines(0.0, 200, cdaq1mod1_ai0=(200.0, 0.01)), ("no unit is stated",)),
     "c20_clock.csv": Case({}, stamped(lambda x: x.split(",")[0], columns("- pressure force", 1, PSI, LBF))),
     "c20_dup.csv": Case({}, columns("time pressure force", 1, 1e5, 1, keep=[0, 1, 3, 4]), ("row 4 is left out",)),
-    "c20_epoch.csv": Case({}, since_the_first(columns("time pressure force", 1e-3, 100.0, 1e-2))),
+    "c20_epoch.csv": Case({}, since_the_first(columns("time pressure force", 1, 100.0, 1e-2))),
     "c20_footer.txt": Case({}, columns("time druck kraft", 1, 1e5, 10, sep="\t", rows=4), ("Mittelwert", "Stdabw")),
     "c20_inf.csv": Case(
         {}, columns("time pressure_abs force length", 1, PSI, KGF, 0.0254, sep=";", decimal=",", keep=[0, 1, 3, 4]),

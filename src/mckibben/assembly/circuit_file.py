@@ -59,7 +59,6 @@ from ..recordings.files import read_points
 from ..registry import with_own_references
 from ..schema import FileTable, Place, named, nested, read_table
 from ..slips import size_caution
-from ..specimens import Specimen, specimen
 from .circuit_parts import NODES, ElementTable, FitTable, NodeTable, PlannedNode, check_length
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ class CircuitPlan:
         said.append(size_caution(self.step, "s", name="run.step", usual=(1e-7, 1.0)))
         values = self.values()
         for name, node in self.nodes.items():
-            spec = self.specimen_of(name)
+            spec = node.specimen
             courses = [values[node.signal]] if node.signal is not None else []
             if node.law is not None:
                 said += law_cautions(spec, node.law)
@@ -201,11 +200,6 @@ class CircuitPlan:
 
     def __repr__(self) -> str:
         return f"CircuitPlan({self.title!r}: {', '.join(self.nodes)}; {self.duration:g} s)"
-
-    def specimen_of(self, node: str) -> Specimen | None:
-        """The specimen of a node; None where it has none."""
-        stated = self.document["nodes"][node].get("specimen")
-        return specimen(stated) if stated else None
 
     @property
     def samples(self) -> int:

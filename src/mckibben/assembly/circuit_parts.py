@@ -57,6 +57,7 @@ class PlannedNode:
     unit: str = "Pa"  # unit of that signal
     length: float | None = None  # length of a muscle that does not move [m]
     law: TensionLaw | None = None  # law of a muscle
+    specimen: Specimen | None = None  # of which a number of the law is left
     words: str = ""  # what a sentence says of it
     needs_volume: bool = False  # whether only its neighbours give it volume
 
@@ -244,7 +245,7 @@ class _MuscleNodeTable(_ChamberTable):
     dead_volume: float = schema.like(MovingVolume, "dead_volume", default=0.0)
 
     def planned(self, name: str, place: Place, room: Environment) -> PlannedNode:
-        law, title = self._law(place)
+        law, title, spec = self._law(place)
         if (self.length is None) == (self.signal is None):
             problem = "is missing: a muscle needs a length, or the signal that gives it, and not both"
             raise place.below("length").fail(None, problem)
@@ -256,9 +257,9 @@ class _MuscleNodeTable(_ChamberTable):
         at = f"follows {self.signal}" if self.length is None else with_unit(self.length, "m")
         fittings = f", {with_unit(dead, 'm^3')} of fittings" if dead else ""
         said = f"{title}, {at}{fittings}, {words}"
-        return PlannedNode(node, "muscle", self.start(place, room), self.signal, "m", self.length, law, words=said)
+        return PlannedNode(node, "muscle", self.start(place, room), self.signal, "m", self.length, law, spec, said)
 
-    def _law(self, place: Place) -> tuple[TensionLaw, str]:
+    def _law(self, place: Place) -> tuple[TensionLaw, str, Specimen | None]:
         spec = _specimen(self.specimen, place.below("specimen"))
         name = self.law or spec.law
         if not name:
@@ -283,9 +284,9 @@ class _MuscleNodeTable(_ChamberTable):
         if not law.has_volume():
             raise place.below("law").fail(name, "must be a law that knows its volume, such as linear_threshold")
         # a specimen of which no number of the law is left gives nothing but a name, and it would be a wrong one
-        left = spec.laws.get(name, {}).keys() - values.keys()
-        said = (f"{spec.id} with own numbers" if left else "own numbers") if values else spec.id
-        return law, f"{said} by {name}"
+        if values and not spec.laws.get(name, {}).keys() - values.keys():
+            return law, f"own numbers by {name}", None
+        return law, f"{spec.id}{' with own numbers' if values else ''} by {name}", spec
 
 
 NODES = {

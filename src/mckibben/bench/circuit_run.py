@@ -140,9 +140,7 @@ def _record(
         caution
         for n, node in plan.nodes.items()
         if node.law is not None
-        for caution in reached_cautions(
-            record[f"{n}.length"], record[f"{n}.pressure"], node.law, plan.specimen_of(n), n
-        )
+        for caution in reached_cautions(record[f"{n}.length"], record[f"{n}.pressure"], node.law, node.specimen, n)
     ]
     warnings = [*map(str, collect(*plan.cautions, *reached)), *_unsettled(plan, record)]
     return Recording(record.time, record.channels, {**meta, "warnings": warnings}) if warnings else record
