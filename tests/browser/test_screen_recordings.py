@@ -69,6 +69,20 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
 
 
 @pytest.mark.slow
+def test_what_is_estimated_is_a_lane_with_its_interval_beside_the_sensor(visit, folder):
+    record = read_recording(folder / "wide.nc")
+    about = {"": 1e-4, ".low": -1e-3, ".high": 1e-3}
+    ends = {f"estimated.length{end}": Channel(record["length"] + off, "m", "estimated") for end, off in about.items()}
+    record.with_channels(ends).save(folder / "observed.nc")
+    page = visit("/recordings?a=observed.nc&view=channels")
+    page.wait_for_function("document.querySelectorAll('figure.chart canvas').length === 3")
+    specs = [json.loads(one.get_attribute("data-chart")) for one in page.locator("figure.chart").all()]
+    lanes = {spec["y"]["quantity"]: [(one["label"], one["fill"]) for one in spec["lines"]] for spec in specs}
+    assert lanes == {"pressure": [("", False)], "length": [("", True), ("estimated", False), ("", False)],
+                     "tension": [("", False)]}  # fmt: skip
+    (folder / "observed.nc").unlink()
+
+
 def test_a_chart_is_zoomed_by_wheel_keys_and_a_frame_saved_as_shown_and_whole_after_a_double_click(
     visit, folder, until
 ):

@@ -183,3 +183,49 @@ def test_a_reading_that_another_unit_would_bring_to_the_lanes_is_said_once(shown
             observer.step(pressure=shown)
     assert len(said) == 1
     assert [one.parameter for one in observer.cautions] == ["pressure"]
+
+
+def recorded():
+    sim = machine()
+    seen = sim.reset(seed=3)
+    for k in range(40):
+        seen = sim.step(muscle=min(max((3e5 - seen.pressure) / 1e5, -1.0), 1.0), force=10.0 * (k > 20))
+    return sim.recording()
+
+
+def test_a_record_is_gone_over_sample_by_sample_and_nothing_but_its_sensors_is_read():
+    record, observer = recorded(), machine().estimator(unknown={"force": "25 N"}, noise={"pressure": NOISE}, lanes=16)
+    known = observer.over(record, seed=4)
+    observer.reset(seed=4, pressure=record["muscle.pressure"][0])
+    for k in range(1, len(record)):
+        found = observer.step(muscle=record["muscle.command"][k - 1], pressure=record["muscle.pressure"][k])
+        for name in ("length", "tension", "pressure"):
+            ends = [known[f"estimated.{name}{end}"][k] for end in ("", ".low", ".high")]
+            assert ends == [getattr(one, name) for one in (found.mean, found.low, found.high)]  # the same steps
+        assert known["estimated.force"][k] == found.unknown["force"].value
+    sensors = ("muscle.command", "muscle.pressure")
+    poisoned = {
+        name: mk.Channel(np.full(len(record), 1e9), channel.unit, channel.kind)
+        for name, channel in record.channels.items()
+        if name not in sensors
+    }
+    hidden = observer.over(record.with_channels(poisoned), seed=4)
+    assert all(np.array_equal(hidden[name], known[name]) for name in known.names("estimated"))
+    assert known.meta["estimator"]["measured"] == {"pressure": "muscle.pressure"}
+    assert any("no spread of muscles" in one for one in known.meta["warnings"])
+
+
+def test_a_record_without_the_sensor_or_with_other_samples_is_refused():
+    record, observer = recorded(), machine().estimator(lanes=8)
+    bare = record.pick([name for name in record.names() if "pressure" not in name])
+    with pytest.raises(InputError, match="pressure"):
+        observer.over(bare)
+    with pytest.raises(InputError, match="uniform"):
+        observer.over(mk.Recording(2.0 * record.time, record.channels, record.meta))
+
+
+def test_what_is_estimated_is_kept_in_a_file_as_such(tmp_path):
+    known = machine().estimator(lanes=8).over(recorded())
+    again = mk.read_recording(known.save(tmp_path / "observed.nc"))
+    assert again.names("estimated") == known.names("estimated") != []
+    assert np.array_equal(again["estimated.length.low"], known["estimated.length.low"])

@@ -14,7 +14,7 @@ from mckibben.muscles import LearnedResidual
 from mckibben.muscles.elements import MaxwellChain
 from mckibben.muscles.hysteresis.maxwell_slip import MaxwellSlip
 from mckibben.muscles.hysteresis.slip import FrictionLimit
-from mckibben.simulation.fit import _Drive
+from mckibben.simulation.fit import RecordedDrive
 
 FREE = {
     "muscle.law.rest_diameter": None,
@@ -99,7 +99,7 @@ def test_what_was_not_shown_is_predicted_as_well():
 
 def test_to_settle_for_a_time_is_to_hold_the_first_commands_that_long_before():
     sim = bench()
-    run = _Drive.of(sim, record(), None, "0.5 s", None)
+    run = RecordedDrive.of(sim, record(), None, "0.5 s", None)
     before = np.tile([run.held[name] for name in sim.commands], (25, 1))  # of 20 ms each
     longer = run._replace(commands=np.vstack([before, run.commands]), settle=0)
     whole = longer.predict(sim, {}, len(before) + 40, 1)
@@ -115,7 +115,7 @@ def test_what_a_sensor_shows_at_rest_is_no_slip_of_a_unit_and_a_record_in_bar_is
     sim = bench().with_arrays({})
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        _Drive.of(sim, drive, None, "0 s", None)
+        RecordedDrive.of(sim, drive, None, "0 s", None)
     assert len([one for one in caught if "inflates no muscle" in str(one.message)]) == said
 
 

@@ -23,7 +23,7 @@ from ..extras import library
 from ..isolation import carried
 from ..quantities import to_si
 
-KINDS = ("true", "measured", "command")
+KINDS = ("true", "measured", "command", "estimated")
 _NAME = re.compile(r"\w[^/\\\[\],;\"#]*")
 
 
@@ -35,7 +35,8 @@ class Channel:
     Args:
         values: float64 (n,), copied and read-only; NaN is allowed and means that nothing is known there.
         unit: SI unit as text, without prefixes: ``"Pa"``, ``"kg/s"``, ``"1"`` for a pure number.
-        kind: ``"true"`` for the state of a simulation, ``"measured"`` behind a sensor, ``"command"`` for what was asked.
+        kind: ``"true"`` for the state of a simulation, ``"measured"`` behind a sensor, ``"command"`` for what was asked,
+            ``"estimated"`` for what follows from measured channels.
         meaning: one phrase for a person.
 
     Raises:

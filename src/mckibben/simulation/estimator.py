@@ -29,9 +29,10 @@ from ..estimation import NORMAL_QUANTILE, Estimate
 from ..muscles.evidence import make_spread
 from ..muscles.plausible import LEAST_GAUGE
 from ..quantities import declared, parse, random_generator, usual_units, with_unit
+from ..recordings import Channel, Recording
 from ..slips import MORE_UNITS, likely_unit, noise_caution, size_caution
 from .batch import SimulationBatch
-from .fit import find_parameters
+from .fit import RecordedDrive, find_parameters, sensor_channels
 from .kernel import SteppedSimulation
 from .mechanisms import Amount, StartPressure, in_si, published
 from .recorded import described
@@ -282,6 +283,53 @@ class Estimator:
         if here:
             self._correct({k: seen[self.measured[k]] for k in here})
         return self._estimated()
+
+    def over(self, record: Recording, *, channels: Mapping[str, str] | None = None, seed: int = 0) -> Recording:
+        """The recording with what its sensors say of the rest: ``estimated.length`` beside ``measured.length``, and so on.
+
+        Each field and unknown load has its mean and the ends of its 95 % interval, ``.low`` and ``.high``; a command that is
+        not in the recording keeps its value at the start. What is not among `measured` is not read.
+
+        Args:
+            record: commands and sensors, sampled as the simulation is.
+            channels: names of channels by command or field, where they have others.
+            seed: seed of the lanes.
+
+        Raises:
+            InputError: it has other samples, or no channel of a command or of a measured field.
+            ConvergenceError: no lane can go on.
+        """
+        simulation = self.simulation
+        sensors = sensor_channels(simulation, record, self.measured, channels)
+        loads = {name for load in self.loads for name in (f"{load}.command", load)}  # which would be known then
+        shown = record.pick([name for name in record.channels if name not in loads])
+        drive = RecordedDrive.of(simulation, shown, channels, None, None)
+        given = {n: drive.commands[:, k] for k, n in enumerate(simulation.commands) if n not in self.loads}
+        given |= {name: record[channel] for name, channel in sensors.items()}
+        rows = [self.reset(seed, pressure=drive.pressure or None)]
+        for k in range(1, len(record)):  # a command holds from its sample on
+            rows.append(self.step(**{n: float(v[k if n in sensors else k - 1]) for n, v in given.items()}))
+        found = {}
+        for which, words in (("mean", ""), ("low", ", low end of 95 %"), ("high", ", high end of 95 %")):
+            end = f".{which}" * (which != "mean")
+            for name, output in simulation.plant.shown:
+                unit, _, meaning = described(output)
+                values = np.array([getattr(getattr(row, which), name) for row in rows])
+                found[f"estimated.{name}{end}"] = Channel(values, unit, "estimated", f"{meaning}, estimated{words}")
+            for name in self.loads:
+                place = ("mean", "low", "high").index(which)
+                values = np.array([row.unknown[name][place] for row in rows])
+                said = f"unknown {name}, estimated{words}"
+                found[f"estimated.{name}{end}"] = Channel(values, rows[0].unknown[name].unit, "estimated", said)
+        told = {
+            "measured": sensors,
+            "unknown": self.loads,
+            "spread": self.spread,
+            "noise": self.noise,
+            "lanes": self.lanes,
+        }
+        warnings = [*record.meta.get("warnings", ()), *map(str, self.cautions)]
+        return record.with_channels(found).with_meta(estimator=told | {"seed": seed}, warnings=warnings)
 
     def _seen(self, name: str, value: Amount) -> float:
         """What a sensor showed [SI]; NaN where it showed nothing."""

@@ -108,7 +108,7 @@ class SimulationFit(Answer):
             InputError: see `Simulation.fit`.
             ConvergenceError: the simulation cannot go through the record.
         """
-        run = _Drive.of(self.simulation, record, channels, settle, None)
+        run = RecordedDrive.of(self.simulation, record, channels, settle, None)
         seen = run.predict(self.simulation, {}, len(record.time), 1)[:, :, 0]
         if not np.isfinite(seen).all():
             raise ConvergenceError("The simulation cannot go through this record.")
@@ -140,7 +140,7 @@ class SimulationFit(Answer):
         return [estimates("Parameters", self.estimates), Table("Errors", columns, rows, notes)]
 
 
-class _Drive(NamedTuple):
+class RecordedDrive(NamedTuple):
     """Commands of a record, and where a run under them begins."""
 
     commands: np.ndarray  # (samples, commands) [SI]
@@ -157,7 +157,7 @@ class _Drive(NamedTuple):
         channels: Mapping[str, str] | None,
         settle: Amount | None,
         shown: np.ndarray | None,
-    ) -> _Drive:
+    ) -> RecordedDrive:
         """Read commands and start; of the sensors only a first sample that is shown counts."""
         time, period = record.time, simulation.period
         if len(time) < 2 or np.abs(np.diff(time) - period).max() > SAME_CLOCK * period:
@@ -411,7 +411,12 @@ class _Comparison:
     """What is compared: errors of a simulation beside the samples that are shown, and their derivatives."""
 
     def __init__(
-        self, unknowns: _Unknowns, drive: _Drive, record: Recording, sensors: Mapping[str, str], shown: np.ndarray
+        self,
+        unknowns: _Unknowns,
+        drive: RecordedDrive,
+        record: Recording,
+        sensors: Mapping[str, str],
+        shown: np.ndarray,
     ):
         self.unknowns, self.drive, self.simulation, self.runs = unknowns, drive, unknowns.simulation, 0
         # nothing behind the last sample that is shown is computed, or read
@@ -501,8 +506,8 @@ def fit(
         raise InputError("record", type(record).__name__, "must be a Recording, as mk.load or sim.recording() gives it")
     evaluations = whole_number(evaluations, "evaluations", least=1)
     unknowns, shown = _Unknowns(simulation, free), _samples_of(train, record.time)
-    sensors, parameters = _compared(simulation, record, measured, channels), unknowns.parameters
-    drive = _Drive.of(simulation, record, channels, settle, shown)
+    sensors, parameters = sensor_channels(simulation, record, measured, channels), unknowns.parameters
+    drive = RecordedDrive.of(simulation, record, channels, settle, shown)
     comparison = _Comparison(unknowns, drive, record, sensors, shown)
     comparison.progress = progress
     best = comparison.search(evaluations)
@@ -546,7 +551,7 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _compared(
+def sensor_channels(
     simulation: SteppedSimulation, record: Recording, measured: Sequence[str] | None, channels: Mapping[str, str] | None
 ) -> dict[str, str]:
     """The channel of each field that is compared: of those asked for, else all that were measured, else all there are."""

@@ -99,6 +99,7 @@ def usual_channels(parts: Sequence[Recording]) -> list[str]:
     measured = record.names("measured")
     if measured:
         names = [*measured, *(n for n in record.names("true") if n.removeprefix("muscle.") in measured)]
+        names += [n for n in record.names("estimated") if n.split(".")[1] in {m.rpartition(".")[2] for m in measured}]
         asked = [n for n in record.names("command") if n.rpartition(".")[2] in measured]
         names += [n for n in ("excitation", "activation") if n in record]
         # a valve's command in bar nearly is the pressure's, and would hide it
@@ -370,6 +371,9 @@ def _look(kinds: Mapping[str, str], name: str, rank: int, count: int) -> dict[st
     opacity = style.graded(count, 0.55)[::-1][rank]
     if kind == "command":
         return {"lw": style.LINE, "linestyle": DASHES["length"], "alpha": opacity, "zorder": 2.6}
+    if kind == "estimated":
+        ends = name.endswith((".low", ".high"))
+        return {"lw": 0.6 if ends else style.LINE, "linestyle": DASHES["tension"], "alpha": 0.7, "zorder": 2.9}
     if kind == "true" and "measured" in held:
         return {"lw": 0.8, "linestyle": "-", "alpha": opacity, "zorder": 2.8}
     # A true line on a measured one of the same colour is seen where that one is pale and wide.

@@ -231,6 +231,7 @@ def over_time(parts: Sequence[OverlaidPart], channel: str, height: int) -> Chart
         if y is None:
             continue
         time = part.record.time - part.begins
+        lines += _estimated(part, time, channel)
         lines.append(_line(part, *_with_gaps(time, y), channel, len(parts) > 1, width=1.75))
         low, high = float(time[0]), float(time[-1])
         for note in part.record.notes:
@@ -246,6 +247,17 @@ def over_time(parts: Sequence[OverlaidPart], channel: str, height: int) -> Chart
     sentence = f"{NAMES[channel][0]} of {_named(parts)} against time."
     across = Axis(*NAMES[channel][:2], channel)
     return Chart(_title(NAMES[channel][0], parts), sentence, axis, across, lines, marks, height)
+
+
+def _estimated(part: OverlaidPart, time: np.ndarray, channel: str) -> list[ChartLine]:
+    """What was estimated of a quantity from other sensors: its 95 % interval as an area, and its mean."""
+    record, name = part.record, f"estimated.{channel}"
+    if name not in record or record.unit(name) != NAMES[channel][2]:
+        return []
+    unit, si = NAMES[channel][1:]
+    mean, low, high = (from_si(1.0, si, unit) * record[f"{name}{end}"] for end in ("", ".low", ".high"))
+    area = ChartLine(np.append(time, time[::-1]), np.append(low, high[::-1]), quantity=channel, width=0.5, fill=True)
+    return [area, ChartLine(time, mean, "estimated", channel, dash="B", width=1.25)]
 
 
 def _other_channel(parts: Sequence[OverlaidPart]) -> Chart | str:

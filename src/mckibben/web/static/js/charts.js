@@ -84,7 +84,7 @@ function draw (u, spec) {
     const dash = l.dash === 'own' ? Q[l.quantity]?.dash ?? [] : spec.dashes[l.dash] ?? []
     const fill = l.fill ? token(Q[l.quantity] ? `--q-${l.quantity}-fill` : '--tint') : null
     if (l.line) stroke(ctx, xs, ys, { colour: colour(l.quantity), width: l.width, dash, fill, opacity: l.opacity, close: l.fill })
-    if (l.line && !rises(l) && l.x.length >= LOOP) arrows(ctx, xs, ys, colour(l.quantity))
+    if (l.line && !l.fill && !rises(l) && l.x.length >= LOOP) arrows(ctx, xs, ys, colour(l.quantity))
     if (l.points) { ctx.globalAlpha = l.opacity; xs.forEach((x, i) => dot(ctx, l.quantity, x, ys[i], 4, { hollow: true })); ctx.globalAlpha = 1 }
   }
   for (const m of spec.marks) {
