@@ -75,9 +75,16 @@ class Case:
         return {name: make(values[:, i]) for i, name in enumerate(self.commands)}
 
     def with_parameters(self, changes: Mapping[str, Any]) -> System:
-        """The system with some parameters, by the kernel's names, replaced; they may be traced."""
+        """The system with some parameters, by the kernel's names, replaced; they may be traced, or those of all lanes."""
         # what the kernel has once may stand in the system twice, as the heat of port and muscle
-        return put(self.system, {path: value for name, value in changes.items() for path in self.paths[name].split()})
+        values = {path: value for name, value in changes.items() for path in self.paths[name].split()}
+        if not any(map(np.ndim, values.values())):
+            return put(self.system, values)
+        made = put(self.system, {path: np.ravel(value)[0] for path, value in values.items()})
+        leaves, structure = jax.tree.flatten_with_path(made)
+        found = {jax.tree_util.keystr(path, simple=True, separator="."): k for k, (path, _) in enumerate(leaves)}
+        lanes = {found[path]: value for path, value in values.items()}  # a lane is no element: no module looks at them
+        return jax.tree.unflatten(structure, [lanes.get(k, leaf) for k, (_, leaf) in enumerate(leaves)])
 
     def run(self, changes: Mapping[str, Any], state: Any, memory: Any, values: Any, samples: int, inner: int) -> Any:
         """One lane by the library's own `march`: the two outputs at the samples, (samples + 1,) each."""

@@ -44,6 +44,19 @@ def both(request, suite, kernels):
     return batch, [np.asarray(x).T for x in jax.jit(batch.mapped())(*batch.arguments())]
 
 
+def test_the_lanes_of_every_case_stand_in_the_system_that_a_kernel_is_made_of(both, suite):
+    """A number of each lane is none of each element in parallel, which the modules that know of elements would refuse."""
+    batch, _ = both
+    system = suite("engines").trees(batch, lambda x: x)[0]
+    lane = suite("engines").trees(batch, lambda x: x[..., 1])[0]
+    different = 0
+    for all_of_them, one in zip(jax.tree.leaves(system), jax.tree.leaves(lane), strict=True):
+        if np.shape(all_of_them)[-1:] == (LANES,):
+            different += 1
+            assert np.array_equal(np.asarray(all_of_them)[..., 1], one)
+    assert different >= len(batch.changes)
+
+
 def off(found, exact):
     """Largest deviation of each output over its largest value."""
     return max(float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(found, exact, strict=True))
