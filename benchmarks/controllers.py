@@ -266,6 +266,7 @@ def on_which_they_stand() -> dict[str, float]:
     inverse, strokes = Inverse(task), 12e-3 + 4e-3 * np.sin(0.03 * np.arange(2000))
     spans = task.zero - strokes
     tensions = np.asarray(law.tension(spans, 3e5))
+    asked = list(zip(tensions[:100].tolist(), spans[:100].tolist(), strict=True))
     model.reset()
     rollout = model.rollout(
         lambda gains, seen: {"muscle": gains[0] + gains[1] * (seen.position - 0.24)},
@@ -279,7 +280,7 @@ def on_which_they_stand() -> dict[str, float]:
         {
             "inverse": lambda: [inverse.advance(one) for one in strokes],
             "pressures_for": lambda: law.pressures_for(tensions, spans),
-            "pressure_for": lambda: law.pressure_for(tensions[0], spans[0]),
+            "pressure_for": lambda: [law.pressure_for(*one) for one in asked],
             "linearise": lambda: model.linearise("muscle", ("position",), amplitude=1e4),
             "rollout": lambda: rollout(gains),
             "gradient": lambda: rollout.value_and_grad(gains),
@@ -291,7 +292,7 @@ def on_which_they_stand() -> dict[str, float]:
     return {
         "a sample of the memory inverse alone, s": taken.median("inverse") / len(strokes),
         "a pressure of `pressures_for`, of 2,000, s": taken.median("pressures_for") / len(spans),
-        "a call of `pressure_for`, s": taken.median("pressure_for"),
+        "a call of `pressure_for`, s": taken.median("pressure_for") / len(asked),
         "a call of `linearise`, s": taken.median("linearise"),
         "a rollout of 200 samples, s": taken.median("rollout"),
         "its gradient by 2 gains, over it": taken.ratio("gradient", "rollout"),

@@ -43,7 +43,9 @@ import inspect
 import json
 import os
 import sys
+import threading
 import types
+import weakref
 from collections.abc import Callable, Container, Iterable, Sequence
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -401,9 +403,12 @@ def _own_type(place: str, base: type) -> Any:
 NUMBERS = (float, int, np.ndarray, np.generic)
 # Lanes up to which one core is enough, and beyond which a call goes by blocks on all of them.
 SINGLE_CORE = 20_000
+KINDS: dict[str | None, Any] = {"real": np.float64, "int": np.int64, "bool": np.bool_, None: np.float64}
 MOST_KNOWN = 256  # formulas with the structures of their owners that are remembered
 Method = TypeVar("Method", bound=Callable[..., Any])
 _known: dict[Any, Any] = {}
+_taken: dict[int, tuple[Callable[[], Any], list[float] | None, Any]] = {}  # modules taken apart, by identity
+_own = threading.local()  # of each thread: by program, the places in which a call with plain numbers has them
 
 
 def evaluated(method: Method) -> Method:
@@ -427,19 +432,33 @@ def evaluated(method: Method) -> Method:
             arguments = (*arguments, *defaults[len(defaults) - missing :])
         if len(arguments) != len(names) or not all(isinstance(x, NUMBERS) for x in arguments):
             return method(self, *arguments)
-        leaves, structure = flatten(self)
-        if not (all(map(_is_number, leaves)) and all(map(np.size, arguments))):
-            return method(self, *arguments)
-        try:
-            hash(structure)  # of a static field without one no kernel can be remembered
-        except TypeError:
+        leaves, structure = _numbers_of(self)
+        if leaves is None or not all(map(np.size, arguments)):
             return method(self, *arguments)
         try:
             return _call(_kernel(method, self, structure, len(arguments)), leaves, arguments)
         except (LoweringError, UnavailableError):  # an operation that no kernel can do, or no LLVM
-            return method(self, *arguments)
+            return jax.jit(method)(self, *arguments)
 
     return call  # type: ignore[return-value]
+
+
+def _numbers_of(owner: Any) -> tuple[list[float] | None, Any]:
+    """The numbers of a module and its structure, kept while it lives; no numbers where a kernel cannot take them."""
+    known = _taken.get(id(owner))
+    if known is not None and known[0]() is owner:
+        return known[1:]
+    leaves, structure = flatten(owner)
+    try:
+        hash(structure)  # of a static field without one no kernel can be remembered
+        numbers = [float(leaf) for leaf in leaves] if all(map(_is_number, leaves)) else None
+        reference = weakref.ref(owner)
+    except TypeError:
+        return None, structure
+    while len(_taken) >= MOST_KNOWN:
+        _taken.pop(next(iter(_taken)), None)
+    _taken[id(owner)] = reference, numbers, structure
+    return numbers, structure
 
 
 def _is_number(leaf: Any) -> bool:
@@ -466,6 +485,22 @@ def _kernel(method: Callable[..., Tree], owner: Any, structure: Any, count: int)
     return known
 
 
+Places = tuple[list[np.ndarray], list[np.ndarray], Callable[[], None]]
+
+
+def _bound(program: Program) -> Places:
+    """Where a program of this thread has its arguments and its results, one number each, and its call."""
+    known: dict[Program, Places] = _own.__dict__.setdefault("bound", {})
+    if program not in known:
+        while len(known) >= MOST_KNOWN:
+            known.pop(next(iter(known)))
+        places, found = (
+            [np.zeros((), KINDS[leaf.kind]) for leaf in side] for side in (program.arguments, program.results)
+        )
+        known[program] = places, found, program.bind(places, found, mode="strict")
+    return known[program]
+
+
 def _call(run: tuple[Program, Tree], leaves: list[Any], arguments: tuple[Tree, ...]) -> Any:
     program, example = run
     values = [np.asarray(x, float) for x in arguments]
@@ -479,8 +514,11 @@ def _call(run: tuple[Program, Tree], leaves: list[Any], arguments: tuple[Tree, .
             array = np.asarray(column)
             results.append(np.full(shape, array) if array.ndim == 0 else array.reshape(shape))
     else:
-        for number in program.call([*leaves, *values], mode="strict"):
-            results.append(np.asarray(number)[()])
+        places, found, run_bound = _bound(program)
+        for place, value in zip(places, (*leaves, *values), strict=True):
+            place[()] = value
+        run_bound()
+        results = [place[()] for place in found]
     if isinstance(example, tuple):
         return type(example)(*results) if hasattr(example, "_fields") else tuple(results)
     return results[0]

@@ -18,6 +18,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import inspect
+import math
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -33,7 +34,8 @@ from .plausible import HIGHEST_PRESSURE
 
 # A seventh of the 3.5 % at which aramid yarn breaks (Teijin, Tensile properties of Technora, table 3).
 THREAD_STRAIN = 0.005
-LOOKS, HALVINGS = 100, 40  # of `pressures_for`: pieces in which a crossing is sought, and halvings of that piece
+LOOKS, HALVINGS = 1000, 40  # of `pressures_for`: pieces in which a crossing is sought, and halvings of that piece
+PUSHES = 1e-13  # of its free length, by which a braid is shorter where the slope of that length is taken
 LEAST_PULL = 1.0  # of a law that hardly pulls there, so that its threads hold too [N]
 
 
@@ -246,12 +248,14 @@ class TensionLaw(Module):
             pulls = self.braid_tension(middle, pressure) > 0.0
             return jnp.where(pulls, ends[0], middle), jnp.where(pulls, middle, ends[1])
 
-        # 60 halvings reach the last bit; the Newton step after them carries the derivative by the implicit function.
-        start = jax.lax.stop_gradient(sum(jax.lax.fori_loop(0, 60, halve, jax.lax.stop_gradient((low, high)))) * 0.5)
+        # 60 halvings reach the last bit; the Newton step after them carries the derivative by the implicit function. It
+        # begins where the braid pushes: ends that settle with the root of the load have no stiffness where they begin to.
+        found = jax.lax.stop_gradient(sum(jax.lax.fori_loop(0, 60, halve, jax.lax.stop_gradient((low, high)))) * 0.5)
+        start = (1.0 - PUSHES) * found
         force, stiffness = jax.jvp(lambda x: self.braid_tension(x, pressure), (start,), (jnp.ones_like(start),))
         stiffness = jax.lax.stop_gradient(stiffness)
         inside = (start > low) & (start < high) & (stiffness > 0.0) & (jnp.abs(force) < 1e-6 * stiffness * start)
-        length: Scalar = start - jnp.where(inside, force / jnp.where(inside, stiffness, 1.0), 0.0)
+        length: Scalar = jnp.where(inside, start - force / jnp.where(inside, stiffness, 1.0), found)
         return jnp.where(jnp.isnan(pressure), jnp.nan, length)
 
     def pressure_for(self, tension: float, span: float, *, highest: float = 10e5) -> float:
@@ -265,40 +269,26 @@ class TensionLaw(Module):
         Raises:
             UnreachableError: if no pressure in that range gives the tension; the sentence says what the range gives.
         """
-        if not (np.isfinite(tension) and tension >= 0.0):
+        if not (math.isfinite(tension) and tension >= 0.0):
             raise InputError("tension", None, f"must be 0 N or more, got {tension:.6g} N")
         for name, value, unit in (("span", span, "m"), ("highest", highest, "Pa")):
-            if not np.isfinite(value):
+            if not math.isfinite(value):
                 raise InputError(name, None, f"must be a number, got {value} {unit}")
-        low, high = 0.0, highest
-        for look in range(4):  # each a thousand times closer, the last within 1e-6 Pa of a range of 10 bar
-            grid = np.linspace(low, high, 1001)
-            excess = np.asarray(self.tension(float(span), grid)) - tension
-            met = np.flatnonzero(np.abs(excess) <= 1e-9 * max(tension, 1.0))
-            if look == 0 and met.size and np.all(excess[: met[0]] < 0.0):
-                return float(grid[met[0]])  # on a grid point, to the rounding in which two compilations differ
-            crossings = np.flatnonzero(
-                (excess[:-1] < 0.0) & (excess[1:] >= 0.0) | (excess[:-1] > 0.0) & (excess[1:] <= 0.0)
-            )
-            if crossings.size == 0 and look > 0:
-                break  # the last digits of the tension are not those of the wider grid
-            if crossings.size == 0:
-                least, most = excess.min() + tension, excess.max() + tension
-                raise UnreachableError(
-                    f"{tension:.4g} N at {with_unit(float(span), 'm')} is not reached between 0 and "
-                    f"{with_unit(highest, 'Pa')}: the muscle pulls with {least:.4g} to {most:.4g} N there"
-                )
-            i = int(crossings[0])
-            low, high = grid[i], grid[i + 1]
-            before, after = excess[i], excess[i + 1]
-        return float(low - before * (high - low) / (after - before))
+        found = float(self.pressures_for(float(tension), float(span), float(highest)))
+        if math.isfinite(found):
+            return found
+        pulls = np.asarray(self.tension(float(span), np.linspace(0.0, highest, LOOKS + 1)))
+        raise UnreachableError(
+            f"{tension:.4g} N at {with_unit(float(span), 'm')} is not reached between 0 and "
+            f"{with_unit(highest, 'Pa')}: the muscle pulls with {pulls.min():.4g} to {pulls.max():.4g} N there"
+        )
 
     @evaluated
     def pressures_for(self, tension: Scalar, span: Scalar, highest: Scalar = HIGHEST_PRESSURE) -> Scalar:
         """The lowest gauge pressures [Pa] from zero up to `highest` that give tensions, of arrays at once.
 
-        Differentiable by all arguments. Two crossings within a hundredth of the range count as none; `pressure_for` looks
-        ten times as closely, and says why there is no answer.
+        Differentiable by all arguments. Two crossings within a thousandth of the range count as none; `pressure_for` says
+        why there is no answer.
 
         Args:
             tension: wanted tensions [N], not negative.
@@ -322,7 +312,8 @@ class TensionLaw(Module):
             return jnp.where(new, step * i, low), now, jnp.where(new, 1.0, found)
 
         low, _, found = jax.lax.fori_loop(0, LOOKS, look, (jnp.zeros_like(at), begin, jnp.zeros_like(at)))
-        sign = jnp.where(law.tension(at, low) - fixed <= 0.0, 1.0, -1.0)
+        first = law.tension(at, low) - fixed
+        sign = jnp.where(first <= 0.0, 1.0, -1.0)
 
         def halve(_: int, ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
             middle = 0.5 * (ends[0] + ends[1])
@@ -330,7 +321,8 @@ class TensionLaw(Module):
             return jnp.where(above, ends[0], middle), jnp.where(above, middle, ends[1])
 
         # halvings to the last bits; the Newton step after them carries the derivative by the implicit function
-        start = jax.lax.stop_gradient(jax.lax.fori_loop(0, HALVINGS, halve, (low, low + step))[1])
+        halved = jax.lax.fori_loop(0, HALVINGS, halve, (low, low + step))[1]
+        start = jax.lax.stop_gradient(jnp.where(first == 0.0, low, halved))
         force, slope = jax.jvp(lambda p: self.tension(span, p), (start,), (jnp.ones_like(start),))
         slope = jax.lax.stop_gradient(slope)
         move = jnp.where(slope != 0.0, (force - tension) / jnp.where(slope != 0.0, slope, 1.0), 0.0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -129,7 +130,7 @@ class Muscle(Module):
         """Length at which the unloaded muscle settles [m] at a gauge pressure [Pa]."""
         drive = self._drive(pressure)
         length: Scalar = self._ask("free_length", drive)
-        if _largest(drive) is not None and not self.is_biological:
+        if _ends(drive) and not self.is_biological:
             warn(collect(free_length_caution(self.law, np.ravel(drive), self.specimen)), stacklevel=3)
         return length
 
@@ -371,23 +372,22 @@ class Muscle(Module):
 
     def _length(self, value: Quantity) -> Any:
         length = _quantity(value, "m", "length")
-        largest = _largest(length)
-        if largest is not None and self.longest_length is not None:
-            warn(self.length_cautions(length, text=_typed(value, largest)), stacklevel=3)
+        ends = _ends(length)
+        if ends and self.longest_length is not None:
+            warn(self.length_cautions(ends, text=_typed(value, max(ends, key=abs))), stacklevel=3)
         return length
 
     def _drive(self, value: Quantity) -> Any:
         if self.is_biological:
             activation = _quantity(value, "1", "activation")
-            if _largest(activation) is not None:
-                for end in (np.nanmin(activation), np.nanmax(activation)):
-                    if not 0.0 <= end <= 1.0:
-                        raise InputError("activation", _typed(value, end), "must be between 0 and 1")
+            for end in _ends(activation):
+                if not 0.0 <= end <= 1.0:
+                    raise InputError("activation", _typed(value, end), "must be between 0 and 1")
             return activation
         pressure = _quantity(value, "Pa", "pressure")
-        if _largest(pressure) is not None:
-            ends = dict.fromkeys((float(np.nanmax(pressure)), min(float(np.nanmin(pressure)), 0.0)))
-            said = (pressure_caution(one, self.specimen, text=_typed(value, one)) for one in ends)
+        if ends := _ends(pressure):
+            furthest = dict.fromkeys((ends[1], min(ends[0], 0.0)))
+            said = (pressure_caution(one, self.specimen, text=_typed(value, one)) for one in furthest)
             warn(collect(*said), stacklevel=3)
         return pressure
 
@@ -451,15 +451,15 @@ def _scalar(value: Any, field: str) -> float:
     return float(value)
 
 
-def _largest(value: Any) -> float | None:
-    """The value of the largest size; None of what JAX traces, of nothing, and of what is no number."""
-    if is_traced(value):
-        return None
-    numbers = np.asarray(value)
+def _ends(value: Any) -> tuple[float, ...]:
+    """The least and the largest value; nothing of what JAX traces, of nothing, and of what is no number."""
+    if type(value) is float:
+        return () if math.isnan(value) else (value, value)
+    numbers = np.asarray([] if is_traced(value) else value)
     numbers = numbers[~np.isnan(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "fiu" or not numbers.size:
-        return None
-    return float(numbers.flat[int(np.argmax(np.abs(numbers)))])
+        return ()
+    return float(numbers.min()), float(numbers.max())
 
 
 def _typed(value: Any, largest: float) -> str:
