@@ -10,6 +10,7 @@ import mckibben as mk
 from mckibben.assembly.build import with_parameters
 from mckibben.bench.prepare import prepare
 from mckibben.bench.recorder import initial_metadata
+from mckibben.batch.sweep import read_sweep
 from mckibben.cli.app import main
 from mckibben.errors import InputError, MckibbenError, PlausibilityWarning
 from mckibben.muscles.build import law_from_specimen
@@ -24,6 +25,7 @@ from mckibben.muscles.evidence import (
 )
 from mckibben.quantities import declared
 from mckibben.specimens import specimen, specimens
+from mckibben.studies.sweep_run import SweepResults
 
 LAWS = [(spec.id, law) for spec in specimens() if spec.kind == "mckibben" for law in spec.laws]
 # Of no law do these enter the tension within its range: volumes, and what holds only beyond it.
@@ -119,3 +121,20 @@ def test_readings_are_of_muscles_with_the_numbers_of_their_make():
     said = r"seated_braid.seat_compliance must be that of festo-10mm.* got 0.0002"
     with pytest.raises(InputError, match=said):
         mk.muscle("festo-10mm", seat_compliance=2e-4).calibrate("281 mm, 5.5 bar, 500 N")
+
+
+def test_a_sweep_says_it_of_the_numbers_that_its_variants_have(tmp_path):
+    """Of a number that is swept; and of rest lengths as at the end where least is known."""
+    path = tmp_path / "sweep.toml"
+
+    def errors(parameter, words):
+        lines = [
+            "schema = 1", 'protocol = "isometric-step"', 'muscle = "DMSP-40-400"', 'rig = "modern"', "[grid]",
+            f'"muscle.law.{parameter}" = {words}',
+        ]  # fmt: skip
+        path.write_text("\n".join(lines))
+        return SweepResults(read_sweep(path), None)._law_errors()["DMSP-40-400"]
+
+    assert errors("shear_modulus", '["0.46 MPa", "0.5 MPa"]')["own"] == ("shear_modulus",)
+    cut = mk.muscle("DMSP-40-400", rest_length=0.15)
+    assert errors("rest_length", '["15 cm", "40 cm"]') == law_error(cut.specimen, cut.law)

@@ -314,7 +314,11 @@ def test_a_size_two_centimetres_longer_than_the_measured_muscle_is_not_refused_f
     at, near, far = (
         error_of_size(specimen("DMSP-40-400"), "hyperelastic_braid", rest).share for rest in (0.4, 0.42, 0.15)
     )
-    assert at == 0.012 < near < 0.04 and far > 0.61
+    assert (at, round(near, 2), round(far, 2)) == (
+        0.012,
+        0.03,
+        0.73,
+    )  # as docs/how-to/size-a-muscle.md says in percents
 
 
 @measured("aarl_10mm_isometric", "aarl_20mm_isometric")
