@@ -17,6 +17,7 @@ from ..answers import Caution, warn
 from ..documents import JsonValue
 from ..errors import InputError
 from ..muscles.build import at_rest_length, measured_rest_lengths, rest_length_of
+from ..muscles.evidence import own_numbers
 from ..muscles.law import TensionLaw, law_name
 from ..muscles.laws import law_type
 from ..muscles.muscle import Muscle, built_muscle
@@ -142,7 +143,7 @@ def new_muscle(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = False
         same_rig: it is measured on the rig on which those were.
 
     Raises:
-        InputError: the specimen states no such differences.
+        InputError: the specimen states no such differences, or a number of the law is not its.
     """
     name = law_name(law)
     if spec is None:
@@ -150,6 +151,12 @@ def new_muscle(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = False
             "between", None, "is not known of a muscle without specimen: nothing says how far others differ"
         )
     between = Between.of(spec)
+    if own := own_numbers(spec, law):
+        shown = with_unit(float(getattr(law, own[0])), declared(law)[own[0]].unit)
+        said = (
+            f"must be that of {spec.id}: readings move all of its numbers together, and of others nothing says how far"
+        )
+        raise InputError(f"{name}.{own[0]}", shown, said)
     before = {
         key.removeprefix(BEFORE): float(
             str(number.si(declared(law_type(name))[key.removeprefix(BEFORE)].unit, field=key))

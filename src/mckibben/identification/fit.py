@@ -836,7 +836,13 @@ def _errors(f: Fit) -> dict[str, SpecimenNumber]:
     if "rest_length" in f.cross and not f.cross["rest_length"].failed:
         numbers["other_length"] = (f.cross["rest_length"].max_error, "each rest length left out in turn")
     top = float(f.points.tension.max())
-    return {n: SpecimenNumber(value=float(f"{v / top:.3g}"), unit="1", note=note) for n, (v, note) in numbers.items()}
+    errors = {n: SpecimenNumber(value=float(f"{v / top:.3g}"), unit="1", note=note) for n, (v, note) in numbers.items()}
+    if "other_length" in errors and f.points.rest_length is not None:
+        at = f.points.rest_length[f.points.taut][np.argmax(np.abs(f.cross["rest_length"].error))]
+        errors["other_length_at"] = SpecimenNumber(
+            value=float(at), unit="m", note="the one left out that it was found on"
+        )
+    return errors
 
 
 def _numbers(f: Fit) -> dict[str, SpecimenNumber]:

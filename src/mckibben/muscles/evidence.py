@@ -1,7 +1,9 @@
 """What stands behind the numbers of a specimen: how far its law was from measurements, and where that was found.
 
 A file states the errors of its laws and the rest lengths of the muscles that were measured. Whatever answers for such a
-muscle says so: the error always, and a caution where it is large or where a rest length is beyond the measured ones.
+muscle says so: the error always, and a caution where it is large or where a rest length is beyond the measured ones. There
+it grows: what the ends of a muscle take goes as their length over its own, see `growth_at`. All of it is of the file's own
+numbers. Of a muscle of which one that enters its tension is another, nothing was found: it has no interval, and says so.
 
 How far a tension may be off because of numbers that nobody measured, the ranges of a file say: each number is moved to both
 of its ends while the others stay; the changes to either side add as squares, for the numbers are independent. The
@@ -18,21 +20,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._jax import is_traced
 from ..accessors import implementation
 from ..answers import Caution, collect
 from ..documents import JsonValue
 from ..errors import InputError, NoVolumeError
-from ..quantities import declared, with_unit
+from ..quantities import declared, values, with_unit
 from ..specimens import Specimen
 from ..specimens.model import BETWEEN_COMPONENTS, BETWEEN_SHARES, KNOWN_ERRORS, MUSCLES
 from .braid import SHORTEST_SHARE, braid_of
-from .build import law_from_specimen, measured_rest_lengths
+from .build import SAME_REST_LENGTH, at_rest_length, default_parameters, law_from_specimen, measured_rest_lengths
 from .law import TensionLaw, law_name
-from .plausible import usual_pressure
+from .plausible import HIGHEST_PRESSURE, usual_pressure
 from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
 NOTABLE = 0.10  # largest error over the largest tension from which an answer carries a caution [1]
 PRESSURE_OF_LARGEST = "highest_measured_pressure"
+SAME_NUMBER = 1e-5  # share by which two numbers differ of which one was written to a file, in six digits
 SAME_LENGTH = 0.02  # share by which a rest length or a bore may leave the measured ones without a word
 
 
@@ -46,6 +50,11 @@ class LawError(NamedTuple):
         other_length: largest one at a rest length to which the law was not fitted.
         source: what `rms` and `largest` were found on.
         other_source: what `other_muscle` was found on.
+        length_source: what `other_length` was found on.
+        other_length_at: rest length at which `other_length` was found [m].
+        at_rest_length: largest one at the rest length of the muscle that was asked for, see `growth_at`.
+        make: whose numbers the law had.
+        own: parameters of the muscle that are not those numbers, see `own_numbers`.
     """
 
     rms: float | None
@@ -54,12 +63,25 @@ class LawError(NamedTuple):
     other_length: float | None
     source: str
     other_source: str = ""
+    length_source: str = ""
+    other_length_at: float | None = None
+    at_rest_length: float | None = None
+    make: str = ""
+    own: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         known = [f"{_percent(share)} {word}" for share, word in ((self.rms, "rms"), (self.largest, "at most")) if share]
         said = f"{' and '.join(known)} of the largest tension ({self.source})"
         more = f", {_percent(self.other_muscle)} on another muscle ({self.other_source})" if self.other_muscle else ""
-        return said + more
+        return (
+            said + more + (f", with the numbers of {self.make} and not with {_own_words(self.own)}" if self.own else "")
+        )
+
+    @property
+    def at_other_length(self) -> str:
+        """How far it was off at a rest length to which it was not fitted, where, and what that was found on."""
+        where = "" if self.other_length_at is None else f" at {with_unit(self.other_length_at, 'm', 3)}"
+        return f"{_percent(self.other_length or 0.0)}{where} ({self.length_source})"
 
     @property
     def worst(self) -> float:
@@ -98,6 +120,8 @@ class MakeSpread(NamedTuple):
 
 def make_spread(spec: Specimen | None, law: TensionLaw) -> MakeSpread | None:
     """How far one muscle of a specimen's make, of a law that is cut to it, is off; None where the specimen says nothing."""
+    if own_numbers(spec, law):
+        return None
     new = _one_of_make(spec, law)
     if new is not None and new.readings:
         return MakeSpread(calibrated=new.share())
@@ -128,6 +152,8 @@ def tension_interval(
         >>> [round(float(end)) for end in tension_interval(muscle.specimen, muscle.law, 0.128, 5e5)]
         [72, 282]
     """
+    if own_numbers(spec, law):
+        return None
     new, own = _one_of_make(spec, law, same_rig=same_rig), np.asarray(law.tension(length, pressure))
     if new is not None:
         told = new.predicted(length, pressure, own)
@@ -148,7 +174,7 @@ def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = Fals
     """Half width that a specimen states [N]; a share needs the rest length and highest pressure of the largest tension."""
     shares = _shares(spec, law)
     if not shares["elsewhere"] and not shares["calibrated"]:
-        known = "tension_uncertainty" in spec.properties and not _off_at_rest_length(spec, law)
+        known = "tension_uncertainty" in spec.properties and not _beyond_measured(spec, _rest_length(spec, law))
         return spec.property_si("tension_uncertainty", "N") if known else None
     share = shares["calibrated"] or shares["same_rig" if same_rig else "elsewhere"]
     at = _rest_length(spec, law)
@@ -158,22 +184,40 @@ def _stated_half_width(spec: Specimen, law: TensionLaw, *, same_rig: bool = Fals
 
 
 def _shares(spec: Specimen, law: TensionLaw) -> dict[str, float | None]:
-    """Shares that a specimen states, wider by what its law was off at rest lengths to which it was not fitted."""
-    off, shares = _off_at_rest_length(spec, law), dict.fromkeys(BETWEEN_SHARES)
+    """Shares that a specimen states, wider by what its law may be off at rest lengths to which it was not fitted."""
+    off = growth_at(spec, error_of(spec, law_name(law)), _rest_length(spec, law))
+    shares: dict[str, float | None] = dict.fromkeys(BETWEEN_SHARES)
     for name in spec.between.keys() & shares.keys():
         share = float(str(spec.between[name].si("1", field=f"between.{name}")))
-        shares[name] = (
-            share if name == "calibrated" else float(np.hypot(share, off))
-        )  # readings are of this very muscle
-    return {name: None if share is None or np.isinf(share) else share for name, share in shares.items()}
+        # readings are of this very muscle
+        shares[name] = share if name == "calibrated" else None if off is None else float(np.hypot(share, off))
+    return shares
 
 
-def _off_at_rest_length(spec: Specimen, law: TensionLaw) -> float:
-    """Largest error found at rest lengths beyond the measured ones [1]; infinite where nobody looked, 0 at measured."""
-    if not _beyond_measured(spec, _rest_length(spec, law)):
+def growth_at(spec: Specimen, error: LawError | None, rest: float | None) -> float | None:
+    """By how much more than at measured rest lengths a law may be off at another [1]; None where nobody looked.
+
+    A law takes the ends of the muscles that were measured, whose share in a muscle goes as 1/L. So its error grows with the
+    distance |1/L - 1/L0| from the nearest measured L0: by nothing there, and at the length at which `other_length` was
+    found by what that is more than `largest`. Where a file does not say that length, all of it holds beyond those.
+
+    Args:
+        spec: states the measured rest lengths.
+        error: of its law.
+        rest: length at rest [m].
+    """
+    measured, beyond = measured_rest_lengths(spec), _beyond_measured(spec, rest)
+    if not measured or rest is None:
         return 0.0
-    error = error_of(spec, law_name(law))
-    return np.inf if error is None or error.other_length is None else error.other_length
+    if error is None or error.other_length is None:
+        return None if beyond else 0.0
+    more, at = max(error.other_length - (error.largest or 0.0), 0.0), error.other_length_at
+    if at is None:
+        return more if beyond else 0.0
+    # one that was left out in turn is a measured one of the law of all
+    others = [one for one in measured if abs(at / one - 1.0) > SAME_REST_LENGTH]
+    away, found = (min(abs(1.0 / to - 1.0 / one) for one in of) for to, of in ((rest, measured), (at, others)))
+    return more * away / found
 
 
 def _rest_length(spec: Specimen, law: TensionLaw) -> float | None:
@@ -208,27 +252,82 @@ def is_other_bore(bore: float, of_make: float) -> bool:
 
 def interval_words(spec: Specimen, law: TensionLaw) -> str:
     """How far the tension of one muscle may be off, as a 95 % interval that the specimen states; or that it states none."""
-    spread = make_spread(spec, law)
+    spread, error = make_spread(spec, law), error_of(spec, law)
     if spread is not None:
         return f"{spread}"
+    if own := own_numbers(spec, law):
+        return f"no interval: nothing says how far a muscle with {_own_words(own)} in place of that of {spec.id} is off"
     half = _stated_half_width(spec, law)
     if half is not None:
         return f"this muscle, as characterised, lies within {with_unit(half, 'N', 2)} (95 %)"
-    error = error_of(spec, law_name(law))
     said = "" if error is None else f"; {law_name(law)} was off by {error}"
     return f"no interval: nothing says how far another muscle of the make is from the law of {spec.id}{said}"
 
 
-def error_of(spec: Specimen | None, law: str) -> LawError | None:
-    """The error that a specimen states of one of its laws; None where it states none."""
-    group = {} if spec is None else spec.errors.get(law, {})
+def error_of(spec: Specimen | None, law: TensionLaw | str) -> LawError | None:
+    """The error that a specimen states of one of its laws; None where it states none.
+
+    Args:
+        spec: the specimen.
+        law: its name; or the law of a muscle, whose rest length and own numbers the error then tells.
+    """
+    name = law if isinstance(law, str) else law_name(law)
+    group = {} if spec is None else spec.errors.get(name, {})
     if spec is None or not group:
         return None
-    shares = {n: float(str(p.si("1", field=f"errors.{law}.{n}", where=spec.where))) for n, p in group.items()}
-    notes = {name: number.note or "as its file states" for name, number in group.items()}
+    numbers = {
+        n: float(str(p.si(KNOWN_ERRORS[n], field=f"errors.{name}.{n}", where=spec.where))) for n, p in group.items()
+    }
+    notes = {key: number.note or "as its file states" for key, number in group.items()}
     source = notes.get("largest") or notes.get("rms", "")
-    known = {n: shares.get(n) for n in KNOWN_ERRORS}
-    return LawError(**known, source=source, other_source=notes.get("other_muscle", ""))
+    known: dict[str, Any] = {n: numbers.get(n) for n in KNOWN_ERRORS}
+    sources = {"source": source, "other_source": notes.get("other_muscle", "")}
+    error = LawError(**known, **sources, length_source=notes.get("other_length", ""), make=spec.id)
+    if isinstance(law, str):
+        return error
+    more = growth_at(spec, error, _rest_length(spec, law))
+    here = None if more is None or error.largest is None else error.largest + more
+    return error._replace(at_rest_length=here, own=own_numbers(spec, law))
+
+
+def own_numbers(spec: Specimen | None, law: TensionLaw) -> tuple[str, ...]:
+    """Parameters of a muscle's law that are not its specimen's and change its tension; none of one that was only cut.
+
+    Args:
+        spec: of which the muscle was made.
+        law: of the muscle, whoever replaced its numbers, with whatever it has learned.
+    """
+    law = getattr(law, "of", law)
+    if spec is None or spec.kind != "mckibben" or any(is_traced(getattr(law, key)) for key in declared(law)):
+        return ()
+    name, known, usual = law_name(law), declared(law), default_parameters(type(law))
+    if getattr(law, "rest_length", None) is not None:
+        with contextlib.suppress(InputError):  # of one length, so that another one is a number like the others
+            spec, _ = at_rest_length(spec, name, {"rest_length": float(law.rest_length)})  # type: ignore[attr-defined]
+    group, own = spec.laws.get(name, {}), []
+    for key, value in values(law).items():
+        stated = group[key].si(known[key].unit, field=key) if key in group else usual.get(key)
+        same = stated is not None and np.allclose(value, stated, rtol=SAME_NUMBER, atol=0.0)
+        if not same and (stated is None or _pulls_otherwise(law, {key: stated})):
+            own.append(key)
+    return tuple(own)
+
+
+def _pulls_otherwise(law: TensionLaw, changes: Mapping[str, Any]) -> bool:
+    """Whether the tension within the range of a law is another with some parameters changed."""
+    try:
+        other = law.replace(**changes)
+    except InputError:
+        return True
+    low, high = np.array([law.length_range(), other.length_range()], float).T
+    lengths = np.linspace(low.max(), high.min(), 9)[1:-1]  # at the ends the threads begin to hold
+    at = [axis.ravel() for axis in np.meshgrid(lengths, np.linspace(0.0, HIGHEST_PRESSURE, 5))]
+    one, two = (np.asarray(each.tension(*at)) for each in (law, other))
+    return not bool(np.abs(one - two).max() <= SAME_NUMBER * np.abs(one).max())
+
+
+def _own_words(names: tuple[str, ...]) -> str:
+    return f"its own {', '.join(names)}"
 
 
 def law_error(spec: Specimen | None, law: TensionLaw | None) -> dict[str, JsonValue] | None:
@@ -238,7 +337,7 @@ def law_error(spec: Specimen | None, law: TensionLaw | None) -> dict[str, JsonVa
     """
     if spec is None or law is None or spec.kind not in MUSCLES:
         return None
-    error, spread = error_of(spec, law_name(law)), make_spread(spec, law)
+    error, spread = error_of(spec, law), make_spread(spec, law)
     said = {} if spread is None else {"between_muscles": spread.to_dict()}
     words = interval_words(spec, law) if spread is None else f"{spread}"
     return ({} if error is None else error.to_dict()) | said | {"interval": words}
@@ -271,12 +370,16 @@ def law_cautions(spec: Specimen | None, law: TensionLaw | None, *, at_rest: bool
     if spec is None or law is None:
         return ()
     name = law_name(law)
-    error, spread = error_of(spec, name), make_spread(spec, law)
+    error, spread = error_of(spec, law), make_spread(spec, law)
     large = error is not None and error.worst > NOTABLE
     of_make = spread is not None and max(spread.elsewhere or 0.0, spread.calibrated or 0.0) > NOTABLE
     words = [f"the tension of {spec.id} by {name} may be off by {error}"] * large + [f"{spread}"] * of_make
+    if own := own_numbers(spec, law):
+        stated = "" if error is None else f"; {name} was off by {error._replace(own=())} with the numbers of {spec.id}"
+        words = [f"nothing says how far a muscle with {_own_words(own)} in place of that of {spec.id} is off{stated}"]
     said = Caution("; ".join(words), "law") if words else None
-    return collect(said, _rest_length_caution(spec, law, error), braid_caution(spec, name) if at_rest else None)
+    braid = braid_caution(spec, name) if at_rest and not own else None
+    return collect(said, _rest_length_caution(spec, law, error), braid)
 
 
 def _rest_length_caution(spec: Specimen, law: TensionLaw, error: LawError | None) -> Caution | None:
@@ -288,8 +391,9 @@ def _rest_length_caution(spec: Specimen, law: TensionLaw, error: LawError | None
     if error is None or error.other_length is None:
         why = "the tension there is that of a like muscle, and nothing says how far it is off"
     else:
-        note = spec.errors[law_name(law)]["other_length"].note
-        why = f"there {law_name(law)} was off by up to {_percent(error.other_length)} of the largest tension ({note})"
+        more = _percent(growth_at(spec, error, rest) or 0.0)
+        most = f"there {law_name(law)} may be off by {more} of the largest tension more than at these"
+        why = f"{most}, as it was off by {error.at_other_length}"
     return Caution(f"{said}: {why}", "rest_length")
 
 
@@ -325,9 +429,11 @@ def tension_range(
     """
     if spec is None or name not in spec.laws or "rms" in spec.errors.get(name, {}):
         return None
-    units = {key: q.unit for key, q in declared(law).items()}
+    own = own_numbers(spec, law)  # of which a person is sure
+    units = {key: q.unit for key, q in declared(law).items() if key not in own}
     varied = varied_law(spec, name, law)
-    ends = [] if varied is None else [one for pair in varied.of_dimensions.values() for one in pair]
+    pairs = [] if varied is None else [one for pair in varied.of_dimensions.values() for one in pair]
+    ends = [{key: value for key, value in one.items() if key in units} for one in pairs]
     for key, number in spec.laws[name].items():
         if number.range is None or key not in units or (varied is not None and key not in varied.unseen):
             continue

@@ -36,7 +36,7 @@ from .build import (
     rest_length_of,
 )
 from .elements import MaxwellChain
-from .evidence import LawError, check_geometry, error_of, law_cautions, tension_range
+from .evidence import LawError, check_geometry, error_of, law_cautions, own_numbers, tension_range
 from .hysteresis import HYSTERESES, Coulomb, FrictionLimit, MaxwellSlip
 from .law import LawState, TensionLaw, law_name
 from .laws import LAWS
@@ -238,7 +238,7 @@ class Muscle(Module):
     @property
     def error(self) -> LawError | None:
         """How far the law is from what was measured of this muscle, as its specimen states it; None where it does not."""
-        return error_of(self.specimen, self.law_name)
+        return error_of(self.specimen, self.law)
 
     @functools.cached_property
     def cautions(self) -> tuple[Caution, ...]:
@@ -332,6 +332,10 @@ class Muscle(Module):
             if float(value) != float(of_file)
         }
         made = dataclasses.replace(spec, law=name, laws=spec.laws | {name: spec.laws[name] | changed})
+        if own_numbers(spec, self.law):  # what was found is of the numbers of the file
+            properties = {key: one for key, one in spec.properties.items() if key != "tension_uncertainty"}
+            errors = {law: group for law, group in spec.errors.items() if law != name}
+            made = dataclasses.replace(made, errors=errors, between={}, properties=properties)
         usual = built_muscle(made)
         if self.friction != usual.friction:
             mine = self.friction and {HYSTERESES.stated_as(type(self.friction), made.friction): _numbers(self.friction)}

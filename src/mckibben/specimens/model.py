@@ -215,12 +215,13 @@ KNOWN_PROPERTIES = {
     "voltage": "V",
 }
 
-# Errors that a specimen may state of each of its laws, as shares of the largest measured tension [1].
+# Errors that a specimen may state of each of its laws, as shares of the largest measured tension [1], and where one is from.
 KNOWN_ERRORS = {
     "rms": "1",
     "largest": "1",
     "other_muscle": "1",  # the largest on another muscle of the make
     "other_length": "1",  # the largest at a rest length to which the law was not fitted
+    "other_length_at": "m",  # that rest length
 }
 
 # Standard deviations by which one muscle of the make differs from another, see `identification.between.Between`.
@@ -357,6 +358,8 @@ def _read(text: str, *, where: str) -> Specimen:
             raise between.fail(name, str(stated.value), "must be one number that is not negative")
     errors = table.table("errors")
     errors.only(one.laws, "the file states the laws")
+    rests = one.properties.get("measured_rest_lengths")
+    measured = [] if rests is None else rests.si("m", field="properties.measured_rest_lengths", where=where)
     for law, group in one.errors.items():
         errors.table(law).only(KNOWN_ERRORS)
         for name, stated in group.items():
@@ -364,6 +367,10 @@ def _read(text: str, *, where: str) -> Specimen:
             if not isinstance(value, float) or value < 0.0:
                 raise errors.table(law).fail(
                     name, str(stated.value), "must be one share of the largest tension, not negative"
+                )
+            if name == "other_length_at" and not value > 0.0 or measured in (value, [value]):
+                raise errors.table(law).fail(
+                    name, str(stated.value), "must be a length other than the only measured one"
                 )
     return one
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..answers import Answer, Caution, Column, Table
+from ..assembly.build import rig_unit, with_parameters
 from ..batch import VariantOutcome
 from ..batch.drive import SweepReport, Workers, run_sweep
 from ..batch.sweep import Sweep, read_sweep
 from ..documents import JsonValue
-from ..muscles.build import law_from_specimen
 from ..muscles.evidence import interval_remarks, law_error
 from ..quantities import with_unit
 from ..verbs import ResultFolder, SchedulerName, SweepFile, WorkerCount, verb
@@ -108,8 +108,17 @@ class SweepResults(Answer):
         return [*said, *interval_remarks(self._law_errors()), f"Written: {report.store}"]
 
     def _law_errors(self) -> dict[str, Any]:
-        """What is known of the tension of each muscle that a variant may name."""
-        return {name: law_error(spec, law_from_specimen(spec)) for name, spec in self.sweep.template.specimens.items()}
+        """What is known of the tension of each muscle that a variant may name, at that end of its numbers with less."""
+        template, errors = self.sweep.template, {}
+        for name, spec in template.specimens.items():
+            ends = []
+            for end in (0, 1):
+                numbers = dict(template.given) | {path: pair[end] for path, pair in self.sweep.ranges.items()}
+                of_muscle = {p.removeprefix("muscle."): v for p, v in numbers.items() if p.startswith("muscle.")}
+                cut, unit = with_parameters(spec, rig_unit(spec), of_muscle)
+                ends.append(law_error(cut, unit.law) or {})
+            errors[name] = max(ends, key=lambda one: (bool(one.get("own")), one.get("at_rest_length") or 0.0))
+        return errors
 
     def failure(self) -> str | None:
         """Empty where a variant did not reach its end or lacks an output, which the table and the cautions say."""

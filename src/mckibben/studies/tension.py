@@ -112,7 +112,7 @@ class Tensions(Answer):
 
     def remarks(self) -> list[str]:
         """The error of the law, and which parameters of a named one were not given."""
-        error = muscles.evidence.error_of(self.muscle.specimen, self.law)
+        error = muscles.evidence.error_of(self.muscle.specimen, self.muscle.law)
         known = declared(type(self.muscle.law))
         stated = (f"{n} = {with_unit(float(getattr(self.muscle.law, n)), known[n].unit)}" for n in self.defaults)
         said = [] if error is None else [f"Error of the law: {error}."]

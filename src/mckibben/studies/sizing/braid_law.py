@@ -19,8 +19,8 @@ import numpy as np
 
 from ..._jax import Scalar, jnp
 from ...muscles import braid, sleeve
-from ...muscles.build import law_from_specimen, measured_rest_lengths
-from ...muscles.evidence import error_of
+from ...muscles.build import law_from_specimen
+from ...muscles.evidence import error_of, growth_at
 from ...muscles.law import TensionLaw, law_name
 from ...muscles.laws.ideal import Ideal
 from ...muscles.laws.linear_threshold import LinearThreshold
@@ -98,7 +98,6 @@ def braid_law(
 
 
 PUBLISHED = (0.20, "published", "the ideal law errs by 10-20 % of the largest force on real muscles; the upper end")
-OTHER_LENGTH = 0.05  # of a fluidic muscle of another length than the one measured, that of `seated_braid`
 OTHER_BORE = 0.10  # of one scaled to another bore, inferred
 REFERENCE, SHORTEST, LONGEST = "nylon", 0.105, 0.154  # working range of the nylon muscle, 0.75-1.1 L0 [m]
 TRIED = (2e5, 5e5)  # gauge pressures in which its line was measured with a tension over most of its range [Pa]
@@ -120,14 +119,25 @@ def error_of_specimen(spec: Specimen, law: str) -> LawError:
     return LawError(stated.largest, "inferred" if spec.errors[law]["largest"].inferred else "measured", stated.source)
 
 
-def error_of_size(spec: Specimen, law: str, *, same_bore: bool) -> LawError:
-    """Error of a specimen's law at another length, or also another bore."""
+def error_of_size(spec: Specimen, law: str, length: float, *, scale: float = 1.0) -> LawError:
+    """Largest error of a specimen's law for a muscle cut to another rest length, or also of another bore.
+
+    Args:
+        spec: the specimen.
+        law: name of its law.
+        length: at rest [m].
+        scale: bore over that of the specimen [1]. Alike is a muscle whose length goes with it: ends go with the bore.
+    """
     error, stated = error_of_specimen(spec, law), error_of(spec, law)
-    if not same_bore:
-        return LawError(error.share + OTHER_BORE, "inferred", f"{spec.id} scaled to another bore and length")
-    if len(measured_rest_lengths(spec)) > 1 and stated is not None and stated.other_length is not None:
-        return LawError(stated.other_length, "cross-validated", spec.errors[law]["other_length"].note)
-    return LawError(error.share + OTHER_LENGTH, "inferred", f"{spec.id} taken to another length")
+    more = growth_at(spec, stated, length / scale) or 0.0
+    if abs(scale - 1.0) > 1e-6:
+        return LawError(error.share + more + OTHER_BORE, "inferred", f"{spec.id} scaled to another bore and length")
+    if not more:
+        return error
+    assert stated is not None  # from which it grows
+    return LawError(
+        error.share + more, "inferred", f"{spec.id} taken to another length, as it was off by {stated.at_other_length}"
+    )
 
 
 @functools.lru_cache(maxsize=64)

@@ -125,9 +125,14 @@ def of_size(part: CataloguePart, wish: Requirements) -> Candidate | None:
         return None
     low, high = 0, len(cuts) - 1
     if not _does(part, float(cuts[high]), wish):
-        # Too long for the space at its end, or too weak at any length: the one with the least fault stands for it.
-        some = [_cut(part, float(c), wish) for c in cuts[np.unique(np.linspace(0, high, 12).astype(int))]]
-        return max(some, key=lambda c: judged(c, wish).worst[1])
+        # A law holds best at the length that was measured, so that a longer cut may promise less.
+        at = np.r_[np.linspace(0, high, 12), np.geomspace(1, high + 1, 12) - 1].astype(int)
+        some = [_cut(part, float(c), wish) for c in cuts[np.unique(at)]]
+        least = max(some, key=lambda c: judged(c, wish).margins["force"])
+        if judged(least, wish).margins["force"] < 0.0:
+            # Too long for the space at its end, or too weak at any length: the one with the least fault stands for it.
+            return max(some, key=lambda c: judged(c, wish).worst[1])
+        high = int(np.argmin(np.abs(cuts - least.longest)))
     while low < high:  # a longer cut pulls more at the same stroke
         middle = (low + high) // 2
         low, high = (low, middle) if _does(part, float(cuts[middle]), wish) else (middle + 1, high)
@@ -150,7 +155,7 @@ def _cut(part: CataloguePart, length: float, wish: Requirements) -> Candidate:
         kind="size",
         law=law,
         law_name=name,
-        error=error_of_size(of, name, same_bore=abs(scale - 1.0) < 1e-6),
+        error=error_of_size(of, name, length, scale=scale),
         longest=length,
         friction=friction_of(of, law, length, wish, part),
         overall_length=length + 2.0 * usual("fitting_share") * diameter,
