@@ -27,7 +27,6 @@ import signal
 import sys
 import tempfile
 import threading
-import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -220,8 +219,8 @@ class _Chosen(_Failures):
     """A plugin that runs chosen tests in their order; with a file, others too, and it writes there what each calls.
 
     Others stand where the name of their file does; those that name the function come first. A line for each test that
-    passed: its name, its time [s], and `file:function` of all that is called by it. The import of its file counts, and
-    `:Popen` says that it starts a process.
+    passed: its name, the processor time [s] of it and of the processes that it waited for, and `file:function` of all that
+    is called by it. The import of its file counts, and `:Popen` says that it starts a process.
     The interpreter's profiler counts calls, one in each thread: a function of ours at each call would take several times
     as long as the tests.
     """
@@ -255,7 +254,7 @@ class _Chosen(_Failures):
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        self.failed, begin = False, time.process_time()
+        self.failed, begin = False, sum(os.times()[:4])
         if self.imported is None:
             self.imported = self._called()
         self._called()
@@ -266,7 +265,7 @@ class _Chosen(_Failures):
             calls = {f"{path.relative_to(here)}:{name}" for path, name in paths if path.is_relative_to(here)}
             calls |= {":Popen" for path, _ in paths if path.name == "subprocess.py"}
             with self.file.open("a") as out:
-                print(json.dumps([item.nodeid, time.process_time() - begin, sorted(calls)]), file=out)
+                print(json.dumps([item.nodeid, sum(os.times()[:4]) - begin, sorted(calls)]), file=out)
         return done
 
 

@@ -1,5 +1,7 @@
 """What a process that reads may cost, what travels to and from it, and which processes are kept."""
 
+import io
+import json
 import math
 import os
 from pathlib import Path
@@ -229,3 +231,87 @@ def test_what_a_function_does_becomes_its_answer_its_refusal_or_a_lack_of_memory
         kind, (title, arguments, state) = isolation._outcome(f"of_a_test:{name}", ["x"], {})
         error = isolation._error(title, arguments, state)
         assert kind == "error" and type(error) is InputError and said in str(error) and len(str(error)) < 250
+
+
+def answering(tree, layouts, data=b""):
+    """A process that has answered this much."""
+    text = json.dumps([tree, layouts]).encode()
+    reader = object.__new__(isolation._Reader)
+    reader.process = SimpleNamespace(stdout=io.BytesIO(isolation._LENGTH.pack(len(text)) + text + data))
+    return reader, len(text)
+
+
+def test_an_answer_is_taken_up_to_the_memory_that_was_allowed_and_no_part_of_it_is_guessed():
+    numbers = np.arange(40.0)
+    said = (["done", 1], [["<f8", [5, 8]], ["|u1", [0]], ["<U1", [1]]], numbers.tobytes() + "b".encode("utf-32-le"))
+    tree, arrays = answering(*said)[0]._answer(ReadingLimits(324, 1.0))
+    first, empty, text = arrays
+    assert tree == ["done", 1] and first.shape == (5, 8) and np.array_equal(first.ravel(), numbers)
+    assert empty.size == 0 and text.tolist() == ["b"]
+    reader, length = answering(["done", "a" * 400], [])
+    assert reader._answer(ReadingLimits(length, 1.0))[0][1] == "a" * 400
+    for layouts, data, memory, error in (
+        ([["<f8", [5, 8]], ["|u1", [0]], ["<U1", [1]]], numbers.tobytes() + b"b\0\0\0", 323, ValueError),
+        ([], b"", 10, ValueError),  # the words alone are longer
+        ([["<f8", [-1]]], b"", 400, ValueError),
+        ([["|O", [1]]], b"", 400, ValueError),
+        ([["<f8", [5]]], bytes(39), 400, EOFError),
+    ):
+        with pytest.raises(error):
+            answering(["done", 1], layouts, data)[0]._answer(ReadingLimits(memory, 1.0))
+
+
+def test_a_process_that_is_ended_is_waited_for_and_that_of_a_parent_is_only_forgotten():
+    for own in (True, False):
+        calls, reader = [], object.__new__(isolation._Reader)
+        streams = [io.BytesIO() for _ in range(3)]
+        reader.owner, reader.complaints = os.getpid() if own else -1, streams[2]
+        reader.process = SimpleNamespace(
+            kill=lambda calls=calls: calls.append("kill"), wait=lambda calls=calls: calls.append("wait"),
+            stdin=streams[0], stdout=streams[1], returncode=None,
+        )  # fmt: skip
+        reader.end()
+        assert calls == (["kill", "wait"] if own else []) and all(one.closed for one in streams)
+        assert reader.process.returncode == (None if own else 0)  # else its end would be waited for after all
+
+
+def test_a_process_that_may_be_ended_has_its_memory_and_five_seconds_more_than_its_time(monkeypatch):
+    resource = pytest.importorskip("resource")
+    calls = []
+    monkeypatch.setattr(isolation, "inside", None)
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: (1, 1 << 40))
+    monkeypatch.setattr(resource, "setrlimit", lambda *limit: calls.append(limit))
+    monkeypatch.setattr(isolation.signal, "signal", lambda *way: calls.append(way))
+    monkeypatch.setattr(isolation.signal, "setitimer", lambda *timer: calls.append(timer))
+    limits = ReadingLimits(1 << 30, 20.0)
+    isolation.enter(limits)
+    alarm = (isolation.signal.SIGALRM, isolation.signal.SIG_DFL)
+    timer = isolation.signal.ITIMER_REAL
+    assert isolation.inside == limits
+    assert calls == [(resource.RLIMIT_DATA, (1 << 30, 1 << 40)), alarm, (timer, 25.0)]
+    isolation.leave()
+    assert calls[3:] == [(timer, 0.0)]
+
+
+def test_what_a_pipe_takes_in_parts_is_written_whole():
+    taken = bytearray()
+
+    class Narrow:
+        def write(self, view):
+            taken.extend(view[:3])
+            return min(3, len(view))
+
+    isolation._write(Narrow(), b"0123456789")
+    assert taken == b"0123456789"
+
+
+def test_a_machine_that_does_not_say_its_memory_counts_as_one_of_eight_gib(monkeypatch):
+    pages = {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}
+    monkeypatch.setattr(os, "sysconf", pages.__getitem__)
+    assert isolation._physical() == 4096000
+
+    def sysconf(name):
+        raise ValueError("unrecognized configuration name")
+
+    monkeypatch.setattr(os, "sysconf", sysconf)
+    assert isolation._physical() == 8 * GIB

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from importlib import metadata
 
 import pytest
 
 import mckibben.nomenclature
+from mckibben import _jax
 from mckibben._lazy import LazyModule
 
 
@@ -121,3 +123,17 @@ def test_a_lazy_module_is_asked_for_nothing_by_who_only_looks():
     assert mckibben.nomenclature.fresh == 1
     del lazy.fresh
     assert not hasattr(mckibben.nomenclature, "fresh")
+
+
+def test_while_jax_is_loaded_packages_are_searched_only_where_a_plugin_of_rocm_is_there(tmp_path, monkeypatch):
+    real = metadata.distributions
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "empty"), ""])
+    for plugin in (False, True):
+        if plugin:
+            (tmp_path / "jax_rocm7_plugin").mkdir()
+        with _jax._no_search_for_rocm():
+            assert (metadata.distributions is real) is plugin
+            assert plugin or list(metadata.distributions(name="jax")) == []
+        assert metadata.distributions is real

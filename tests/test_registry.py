@@ -1,11 +1,14 @@
 """Kinds by name: those of an installed package are found like those of this package."""
 
+import email.mime
 import importlib.metadata
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from mckibben import registry
-from mckibben.errors import InputError
+from mckibben.errors import InputError, MissingLibraryError
 from mckibben.muscles.hysteresis import HYSTERESES
 from mckibben.muscles.laws import LAWS
 from mckibben.pneumatics.build import ELEMENTS
@@ -201,3 +204,37 @@ def test_a_kind_of_a_notebook_gets_a_name_of_its_own_each_time_and_keeps_it(own)
     assert kinds.own() == (first, second) and len(kinds) == 2
     with pytest.raises(InputError, match="float must be a whole number"):
         own.register(1.5)
+
+
+def test_what_a_package_of_this_repository_announces_is_found_by_group_and_name_or_said_to_be_missing(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "names_only").mkdir()  # a folder without sources
+    monkeypatch.syspath_prepend(tmp_path)
+    points = [
+        importlib.metadata.EntryPoint(*one)
+        for one in (
+            ("page", "email.mime:__name__", "mckibben.pages"),
+            ("page", "math:tau", "mckibben.names"),
+            ("gone", "no_such_module:a", "mckibben.pages"),
+            ("names", "names_only:a", "mckibben.pages"),
+        )
+    ]
+
+    def distribution(name):
+        if name != "mckibben-papers":
+            raise importlib.metadata.PackageNotFoundError
+        return SimpleNamespace(version="0.1", entry_points=points)
+
+    monkeypatch.setattr(importlib.metadata, "distribution", distribution)
+    asked = ("mckibben.pages", "page", "papers", "a page needs")
+    assert registry.announced(*asked) == "email.mime"
+    assert registry.announced_folder(*asked[:3]) == Path(email.mime.__file__).parent
+    for name in ("gone", "names", "none"):
+        assert registry.announced_folder("mckibben.pages", name, "papers") is None
+    assert registry.announced_folder("mckibben.pages", "page", "hosts") is None
+    with pytest.raises(InputError, match="a page needs another version of mckibben-papers than 0.1: pip install"):
+        registry.announced("mckibben.pages", "none", *asked[2:])
+    for extra in (None, "fmi"):
+        with pytest.raises(MissingLibraryError, match=rf"a page needs mckibben-hosts.*mckibben\[{extra or 'hosts'}\]"):
+            registry.announced("mckibben.pages", "page", "hosts", "a page needs", extra=extra)

@@ -92,6 +92,9 @@ def test_samples_tell_what_the_integrals_say():
     for name in ("supply", "valve", "tube", "exhaust", "dead_volume", "mixing", "shaft_work"):
         assert part.value(name) == pytest.approx(whole.value(name), abs=1e-3 * scale), name
     assert abs(part.remainder) < 1e-3 * scale
+    assert part.air == pytest.approx(whole.air, rel=1e-3)
+    for how, work in whole.compressor.items():
+        assert part.compressor[how] / part.air == pytest.approx(work / whole.air, rel=1e-9), how  # one pressure
 
 
 def test_every_cycle_adds_up_and_tells_its_remainder():

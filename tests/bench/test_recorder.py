@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from mckibben.bench.recorder import Chunks, StepTable
+from mckibben.bench.recorder import BLOCK, Chunks, StepTable, saturated
 from mckibben.errors import InputError
-from mckibben.recordings import read_recording
+from mckibben.recordings import Channel, Recording, read_recording
 
 PERIOD = 1e-3
 KINDS = {
@@ -165,3 +165,36 @@ def test_a_step_that_ends_more_than_half_a_sample_early_says_by_what(end: float,
     table.add(np.array([0.0]), np.array([0]), [Planned(1, 3)])
     table.end(end)
     assert table.steps == [{"index": 1, "start": 0.0, "end": end} | ({} if by is None else {"ended_by": by})]
+
+
+def test_many_small_chunks_are_joined_and_come_back_in_their_order() -> None:
+    chunks, size = Chunks(PERIOD, KINDS), BLOCK // 4
+    names = list(KINDS)
+    parts = [chunk(i * size, size, names[: 1 + i % 3]) for i in range(11)]
+    lengths = []
+    for times, arrays in parts:
+        chunks.add(times, arrays)
+        lengths.append(len(chunks._times))
+    assert lengths == [1, 2, 3, 1, 2, 3, 4, 2, 3, 4, 5]  # four make a block, which stays one piece
+    found = chunks.recording()
+    assert len(chunks) == 11 * size and np.array_equal(found.time, np.concatenate([times for times, _ in parts]))
+    for name in names:
+        whole = [arrays.get(name, np.full(size, np.nan)) for _, arrays in parts]
+        assert np.array_equal(found[name], np.concatenate(whole), equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("low", "values", "share"),
+    [
+        (-1.0, [-1.0, -1.0, 0.0, 0.5], 0.5),
+        (0.0, [0.0, 0.0, 0.0, 0.5], None),  # at zero of a range that begins there, zero is measured
+        (0.0, [1.0, 0.0, 1.0, 1.0], 0.75),
+        (-1.0, [np.nan, -1.0, -1.0, -1.0], None),
+    ],
+)
+def test_a_channel_saturates_at_the_ends_of_its_converter_but_for_a_zero(low, values, share) -> None:
+    record = Recording(PERIOD * np.arange(4), {"tension": Channel(np.array(values), "N", "measured")})
+    ends = {"low": low, "high": 1.0}
+    found = saturated(record, {"tension": ends, "pressure": ends})
+    assert list(found) == ([] if share is None else ["tension"])
+    assert share is None or found["tension"]["share"] == pytest.approx(share)

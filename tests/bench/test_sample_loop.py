@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from short_runs import SHORT, bench, closes, triangle
 from mckibben.bench.hardware.simulated import Clock, SimulatedHardware
 from mckibben.bench.rig_file import rig
 from mckibben.bench.run import EmergencyStop, run
-from mckibben.bench.segment import SegmentMachine, timing_of
+from mckibben.bench.segment import CHUNK, SegmentMachine, SensorNoise, timing_of
 from mckibben.errors import InputError, LineLostError
 from mckibben.recordings import read_any
 
@@ -129,6 +130,7 @@ def test_a_machine_that_lacks_a_channel_is_refused_before_anything_moves():
 
 _CHILD = """
 import sys
+from types import SimpleNamespace
 from mckibben.bench.run import EmergencyStop, prepare, run
 from mckibben.experiments.read import protocol
 button = EmergencyStop()
@@ -164,3 +166,23 @@ def test_a_second_signal_ends_the_program():
         assert button() and button.reason == "signal SIGINT"
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
+
+
+def test_noise_open_wires_and_drifts_of_a_segment_go_by_its_seed_and_its_time():
+    faults = [SimpleNamespace(channel="tension", at=6.005)]
+    sensors = SimpleNamespace(sensors=["pressure", "tension"], faults=SimpleNamespace(drifts=lambda: {"pressure": 2.0}))
+    about = SimpleNamespace(seed=3, plan=SimpleNamespace(sample_rate=100.0), rig=sensors, faults=faults)
+    noise = SensorNoise(about, 1, begin=1.0, drifting=("span",))
+    first, rows = noise.first(), [noise.next() for _ in range(2)]
+    assert {kind: list(of) for kind, of in first.items()} == {kind: list(of) for kind, of in rows[0].items()}
+    assert all(float(x) == 0.0 for of in first.values() for x in of.values())
+    times = 1.0 + 0.01 * np.arange(2 * CHUNK)  # equal to the last bits, for sums of hundredths are rounded
+    whole = {kind: {n: np.concatenate([row[kind][n] for row in rows]) for n in of} for kind, of in first.items()}
+    assert whole["drift"]["pressure"] == pytest.approx(2.0 * times, rel=1e-12) and not whole["drift"]["span"].any()
+    assert whole["lost"]["tension"].tolist() == (times > 6.005).tolist()
+    assert not (whole["lost"]["pressure"].any() or whole["lost"]["span"].any())
+    chance = np.random.default_rng([3, 1])
+    drawn = np.concatenate([chance.standard_normal((2, CHUNK)) for _ in range(2)], axis=1)
+    assert np.array_equal([whole["draws"]["pressure"], whole["draws"]["tension"]], drawn)
+    sensors.faults.drifts = dict
+    assert "drift" not in SensorNoise(about, 1).first() and "drift" not in SensorNoise(about, 1).next()

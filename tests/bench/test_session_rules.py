@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mckibben.bench.rig_file import rig
+from mckibben.bench.sample_loop import Lateness
 from mckibben.bench.session import Session
 from mckibben.bench.session.continued import EXACT, LONG, LOOK, NEAR, SETTLE, SPAN_TOLERANCE, Arrival, ContinuedMachine
 from mckibben.bench.session.interface import (
@@ -18,9 +19,12 @@ from mckibben.bench.session.interface import (
     RUNNING,
     STOPPED,
     ManualSetup,
+    Messages,
     SampleRing,
+    Status,
+    session_rate,
 )
-from mckibben.bench.session.session import VENTED
+from mckibben.bench.session.session import LONGEST, STEP_OF_TIME, VENTED
 from mckibben.bench.software.interlocks import EmergencyStop
 from mckibben.bench.software.sequencer import SPAN, TENSION, VELOCITY
 from mckibben.errors import InputError, LineLostError
@@ -388,3 +392,139 @@ def test_by_hand_a_rig_allows_what_its_weakest_part_does():
     assert setup.amount("pressure", "2 bar") == pytest.approx(2e5)
     with pytest.raises(InputError, match="the rig r has no motor"):
         setup.amount("span", 0.14)
+
+
+def test_a_stop_before_the_machine_is_there_is_its_reason_and_is_said_once_without_a_time():
+    one = Session(RIG, by_hand=False)
+    one.emergency_stop("Esc")
+    one.emergency_stop("again")
+    assert one.why == "emergency stop at 0 s: Esc; stopped and vented"
+    assert [(said.time, said.kind, said.text) for said in one.messages()] == [(None, "stop", one.why)]
+    running = Session(RIG, by_hand=False)
+    running._run = "a run"  # which says itself why it was stopped
+    running.emergency_stop("Esc")
+    assert running._why == "" and running.why == "Esc" and running.messages() == []
+
+
+@pytest.mark.parametrize(
+    ("speed", "hardware", "rests", "halted", "resting"),
+    [
+        (None, None, False, True, False),
+        (None, None, True, True, False),
+        (1.0, None, False, False, False),
+        (1.0, None, True, True, True),
+        (None, "a real one", True, False, False),
+    ],
+)
+def test_a_machine_stands_still_at_first_where_it_rests_or_goes_only_while_somebody_waits(
+    speed, hardware, rests, halted, resting
+):
+    one = Session(RIG, hardware=hardware and SimpleNamespace(), by_hand=False, speed=speed, rests=rests)
+    assert (one.clock.halted, one._rests, one._stepped) == (halted, resting, speed is None and hardware is None)
+    assert one.clock._grain == (0.004 if resting else 0.0)
+
+
+@pytest.mark.parametrize(("seconds", "steps"), [(0.25, [10, 10, 5]), (0.0, [1]), (0.004, [1]), (0.1, [10])])
+def test_a_machine_whose_time_goes_while_somebody_waits_goes_on_by_as_many_samples_and_by_short_looks(
+    session, seconds, steps
+):
+    assert STEP_OF_TIME == 0.1 and PERIOD == 0.01
+    advances = []
+
+    class Stepped(SimpleNamespace):
+        def advance(self, until):
+            advances.append(until - self.count)
+            session.machine.number += until - self.count
+            self.count = until
+
+    session.clock, session._stepped = Stepped(count=7, halted=True), True
+    session.wait(seconds)
+    assert advances == steps
+    advances.clear()
+    session._collect = lambda: setattr(session, "_why", "tripped")
+    session.wait(1.0)
+    assert advances == [10], "a stop ends the wait"
+
+
+@pytest.mark.parametrize(("leak", "waits"), [(0.0, 30), (2e5, 2), (9e9, 1)])
+def test_a_session_that_closes_vents_for_a_while_ends_its_recording_and_releases_the_machine(session, leak, waits):
+    pressure, calls = [3e5], []
+
+    def wait(seconds):
+        calls.append(seconds)
+        pressure[0] -= leak
+
+    session.latest, session.wait = lambda: {"pressure": pressure[0]}, wait
+    session.machine.hardware = SimpleNamespace(close=lambda: calls.append("released"))
+    session._recording, session.stop_recording = object(), lambda: calls.append("recorded")
+    session._collect = lambda: None
+    session.close()
+    assert abs(len(calls) - 2 - waits) <= 1 and set(calls[:-2]) == {0.1}  # rounding of thirty tenths
+    assert LONGEST == 3.0 and calls[-2:] == ["recorded", "released"] and session.gone == CLOSED
+    assert session._loop.calls[-1] == ("leave",) and session._setpoints["pressure"] == 0.0
+    session.close()
+    assert calls.count("released") == 1
+
+
+def test_a_session_that_is_closed_during_a_run_presses_its_button_first():
+    one = Session(RIG, by_hand=False)
+    one._run = "a run"
+    one.close()
+    assert one.button() and one.button.reason == "the session was closed" and one.gone == CLOSED
+
+
+def test_a_status_shows_set_points_that_are_held_and_none_of_a_machine_that_was_stopped(session):
+    session._loop.deadlines = lambda: LATE
+    run = SimpleNamespace(
+        prepared=SimpleNamespace(protocol=SimpleNamespace(name="p"), plan=SimpleNamespace(duration=9.0)),
+        state=SimpleNamespace(time=2.0),
+    )
+    at = {"pressure": 1e5, "span": 0.12, "command.pressure": 2e5, "command.span": 0.13, "command.tension": np.nan}
+    session._ring.add(np.array([1.5]), {name: np.array([value]) for name, value in at.items()})
+    status = session.status()
+    assert status.set_points == {"pressure": 2e5, "span": 0.13} and status.time == 1.5
+    assert status.measured == {"pressure": 1e5, "span": 0.12} and (status.protocol, status.recorded) == (None, None)
+    session._run, session._recording = run, SimpleNamespace(time=0.5)
+    assert session.status().protocol == ("p", 2.0, 9.0) and session.status().recorded == 0.5
+    session._run = session._recording = None
+    session.rig = SimpleNamespace(motor=None)
+    assert session.status().set_points == {"pressure": 2e5}
+    session._why = "tripped"
+    assert session.status().set_points == {}
+
+
+LATE = Lateness.of(np.array([0.0, 2e-3, 2e-3, 5e-3]), 0.01)
+
+
+def test_a_status_says_what_it_does_what_is_measured_and_what_was_asked_for():
+    status = Status(MANUAL, "", 12.25, {"pressure": 1e5, "span": 0.12}, {"pressure": 2e5, "velocity": 0.5}, LATE)
+    assert status.line() == f"{MANUAL}  pressure 1 bar  span 12 cm  12.2 s"
+    first, pressure, span, velocity, last = status.lines()
+    assert first == MANUAL and pressure.split() == ["pressure", "1", "bar", "set-point", "2", "bar"]
+    assert span.split() == ["span", "12", "cm"] and velocity.split()[:2] == ["velocity", "set-point"]
+    assert last == "12.250 s; 4 samples by hand, half of them late by 2 ms or more, the latest by 5 ms"
+    stopped = Status(STOPPED, "Esc", 1.0, {}, {}, Lateness.of(np.zeros(3), 0.01), recorded=0.5)
+    assert stopped.lines() == [f"{STOPPED}, recording 0.5 s: Esc", "1.000 s; 3 samples by hand"]
+    running = Status(RUNNING, "", 1.0, {}, {}, LATE, protocol=("p", 2.0, 9.0), recorded=0.5)
+    assert running.doing() == f"{RUNNING} p 2.0 s of 9.0 s"
+    plain = running.plain()
+    assert plain["protocol"] == ["p", 2.0, 9.0] and plain["deadlines"]["samples"] == 4
+    assert status.plain()["protocol"] is None and plain["recorded"] == 0.5
+
+
+def test_messages_are_numbered_from_one_told_to_their_listener_and_the_newest_are_kept(monkeypatch):
+    monkeypatch.setattr("mckibben.bench.session.interface.REMEMBERED", 3)
+    told = []
+    messages = Messages(told.append)
+    for text in "abcd":
+        messages.say(text, 1.0, "done")
+    messages.say("e")
+    assert [(one.number, one.text) for one in messages.after(0)] == [(3, "c"), (4, "d"), (5, "e")]
+    assert [one.number for one in messages.after(4)] == [5] and [one.text for one in told] == list("abcde")
+    assert (told[0].time, told[0].kind, told[4].time, told[4].kind) == (1.0, "done", None, "note")
+
+
+@pytest.mark.parametrize(("low", "high", "rate"), [(1.0, 5e3, 1e3), (2e3, 5e3, 2e3), (1.0, 500.0, 500.0)])
+def test_by_hand_a_machine_is_sampled_a_thousand_times_a_second_where_its_computer_can(low, high, rate):
+    computer = SimpleNamespace(lowest_rate=low, highest_rate=high)
+    assert session_rate(SimpleNamespace(computer=computer)) == rate

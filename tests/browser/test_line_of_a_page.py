@@ -11,8 +11,8 @@ import pytest
 
 from loops import completed
 from mckibben.errors import InputError
-from mckibben.web import guard
-from mckibben.web.live import AT_ONCE, LONGEST, PageConnection, _read, _whole
+from mckibben.web import guard, live
+from mckibben.web.live import AT_ONCE, LONGEST, REPLACED, SILENT, Lines, PageConnection, _read, _whole
 
 
 @pytest.fixture
@@ -189,3 +189,182 @@ def test_only_addresses_of_this_machine_are_of_this_machine():
     assert not any(
         map(guard.is_loopback, ("0.0.0.0", "::", "10.0.0.1", "192.168.1.2", "example.org", "", "localhost.org"))
     )
+
+
+class Line:
+    """The socket of a page as a server has it: what the page says, and what it is told."""
+
+    def __init__(self, *messages):
+        self.coming, self.sent, self.closed = asyncio.Queue(), [], None
+        for one in messages:
+            self.coming.put_nowait(json.dumps(one))
+
+    async def receive_text(self):
+        text = await self.coming.get()
+        if text is None:
+            raise RuntimeError("the line is lost")
+        return text
+
+    async def send_text(self, text):
+        self.sent.append(json.loads(text))
+
+    async def close(self, code, reason):
+        self.closed = code, reason
+        self.coming.put_nowait(None)
+
+
+def workspace_of(calls):
+    stream = SimpleNamespace(head=lambda: 1, frame=lambda *seen: (b"", 1, 2))
+    machine = SimpleNamespace(stream=stream, describe=dict, log=lambda after: [])
+    control = SimpleNamespace(
+        join=lambda page: calls.append(("join", page)), leave=lambda page: calls.append(("leave", page))
+    )
+    return SimpleNamespace(
+        server="this", version=0, control=control, changed=lambda: calls.append("changed"), machine=machine,
+        told=lambda: '{"moving":false}', toasts=SimpleNamespace(plain=list), saved_before=lambda file: f"saved {file}",
+        act=lambda page, action, words: calls.append((page, action, words)) or {"said": "stopped"},
+    )  # fmt: skip
+
+
+def test_a_page_has_one_line_the_one_before_ends_and_what_an_earlier_server_saved_is_told(monkeypatch):
+    calls = []
+
+    async def go():
+        lines, first = Lines(workspace_of(calls), {"version": "1"}), Line({"server": "old", "file": "a.nc"})
+        one = asyncio.create_task(lines.run(first))
+        while not first.sent:
+            await asyncio.sleep(0.001)
+        (hello, *_) = first.sent
+        again = Line({"server": "this", "secret": hello["secret"], "file": "a.nc"})
+        two = asyncio.create_task(lines.run(again))
+        await asyncio.wait_for(one, 10.0)  # it ended when the other came
+        assert list(lines._open) == [hello["page"]]
+        again.coming.put_nowait(None)
+        await asyncio.wait_for(two, 10.0)
+        assert not lines._open and first.closed == (REPLACED, "The page has another line now.") and again.closed is None
+        return hello, again.sent[0]
+
+    hello, greeted = completed(go())
+    page = hello["page"]
+    assert hello == {"type": "hello", "server": "this", "page": page, "secret": hello["secret"], "saved": "saved a.nc",
+                     "version": "1"}  # fmt: skip
+    assert (greeted["page"], greeted["saved"]) == (page, None) and greeted["secret"] != hello["secret"]
+    assert len(page) == 12 and len(hello["secret"]) == 32  # 6 bytes in hexadecimal, 24 in letters of six bits
+    assert calls == [("join", page), "changed", ("join", page), "changed", *[("leave", page), "changed"] * 2]
+
+
+def test_a_line_that_says_nothing_is_closed_and_a_stop_needs_no_page(monkeypatch):
+    monkeypatch.setattr(live, "FIRST", 0.01)
+    calls, silent = [], Line()
+    workspace = workspace_of(calls)
+    completed(Lines(workspace, {}).run(silent))
+    assert silent.closed[0] == SILENT and not silent.sent and not calls
+    assert completed(live.stop_at_once(workspace, "Esc")) == "stopped"
+    assert calls == [("nobody", "emergency_stop", {"reason": "Esc"})]
+
+
+def test_a_page_that_streams_gets_each_frame_from_where_it_was(page):
+    frames, asked = [b"one", b"", b"two"], []
+
+    def frame(epoch, count):
+        asked.append((epoch, count))
+        return (frames.pop(0) if frames else b""), 4, count + 10
+
+    told = []
+
+    async def send_bytes(data):
+        told.append(data)
+
+    async def new(*_):
+        told.append("new")
+
+    async def go(stream):
+        page.stream, page.socket.send_bytes, page._new = stream, send_bytes, new
+        page.workspace.machine = SimpleNamespace(stream=SimpleNamespace(frame=frame))
+        task = asyncio.create_task(page._tell())
+        while stream and len(asked) < 4:
+            await asyncio.sleep(0.001)
+        await asyncio.sleep(0.1)
+        task.cancel()
+
+    completed(go(False))
+    assert told == ["new"] and not asked, "what has not changed is told once"
+    completed(go(True))
+    assert told == ["new", "new", b"one", b"two"]
+    assert asked[:4] == [(0, 0), (4, 10), (4, 20), (4, 30)]
+
+
+def test_while_something_moves_a_page_is_told_at_every_beat(page):
+    told = []
+
+    async def new(*_):
+        told.append(asyncio.get_running_loop().time())
+        page._moving = True
+
+    async def go():
+        page.stream, page._new, page.workspace.machine = False, new, SimpleNamespace(stream=None)
+        task = asyncio.create_task(page._tell())
+        while len(told) < 4:
+            await asyncio.sleep(0.001)
+        task.cancel()
+
+    completed(go())
+    assert all(later - earlier > live.BEAT for earlier, later in zip(told, told[1:], strict=False))
+
+
+@pytest.mark.parametrize("close", [False, True])
+def test_the_reason_of_a_closed_line_is_no_longer_than_a_frame_holds(close):
+    sent, taken = [], []
+
+    async def receive():
+        taken.append(1)
+
+    async def send(message):
+        sent.append(message)
+
+    if close:
+        completed(guard._close(receive, send, 4429, "x" * 500))
+    else:
+        completed(guard._refuse({"type": "websocket"}, receive, send, 403, "x" * 500))
+    assert sent[-1] == {"type": "websocket.close", "code": 4429 if close else 1008, "reason": "x" * 120}
+    assert len(sent) == 1 + close and taken == [1]
+
+
+def test_a_record_of_a_log_is_cut_where_it_is_longer_than_its_bound_and_the_budget_comes_back_by_half_a_line_a_second():
+    now = [0.0]
+    bounded = guard.BoundedLog(lambda: now[0])
+
+    def written(text):
+        record = logging.LogRecord("a", logging.ERROR, "a.py", 1, text, (), None)
+        return record.getMessage() if bounded.filter(record) else None
+
+    assert written("x" * guard.LONGEST) == "x" * guard.LONGEST
+    assert (
+        written("x" * guard.LONGEST + "y")
+        == "x" * (guard.LONGEST // 2) + "\n ..\n" + "x" * (guard.LONGEST // 2 - 1) + "y"
+    )
+    assert [written("a") for _ in range(19)] == ["a"] * 18 + [None]  # 20 at once
+    now[0] = 8.0
+    assert [written("a") for _ in range(5)] == ["a (1 more were left out before)", "a", "a", "a", None]
+
+
+@pytest.mark.parametrize(("length", "status"), [("20", 200), ("21", 413), ("2x", 413), ("", 413)])
+def test_a_body_may_be_as_long_as_its_bound_and_a_length_is_a_number(length, status, monkeypatch):
+    monkeypatch.setattr(guard, "LARGEST", 20)
+    one, sent, heard = guard.Guard(None, "127.0.0.1", 1, "t"), [], []
+
+    async def app(scope, receive, send):
+        heard.append([name for name, _ in scope["headers"]])
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def send(message):
+        sent.append(message)
+
+    one.app = app
+    heads = {"host": "127.0.0.1:1", "cookie": "mckibben-1=t", "accept-encoding": "gzip", "content-length": length}
+    for accept in ("*/*", "text/html"):
+        pairs = [(name.encode(), value.encode()) for name, value in {**heads, "accept": accept}.items()]
+        completed(one({"type": "http", "path": "/x", "headers": pairs}, None, send))
+    assert [message["status"] for message in sent if "status" in message] == [status] * 2
+    if status == 200:  # a page is not packed, for its scripts get a nonce
+        assert [b"accept-encoding" in names for names in heard] == [True, False]

@@ -1,5 +1,8 @@
 """Machines of many independent muscles: integrated side by side, with the numbers of the machine as one long step."""
 
+from typing import Any, NamedTuple
+
+import jax
 import numpy as np
 import pytest
 
@@ -9,7 +12,7 @@ from mckibben.assembly.loads import JointLoad, MomentArm, PlateLoad
 from mckibben.engine import held
 from mckibben.engine.integration import compile_march
 from mckibben.engine.native import EngineFunction
-from mckibben.engine.side_by_side import SideBySide
+from mckibben.engine.side_by_side import SideBySide, Split, find_places, known_prefix
 from mckibben.engine.signals import Value
 from mckibben.pneumatics.orifice import Orifice
 from mckibben.pneumatics.tubes import InertialTube
@@ -80,3 +83,69 @@ def test_muscles_that_act_on_each_other_stay_together():
     assert machine.names_by_part() == {}
     few, *_ = rig(count=3)
     assert few.names_by_part() == {}
+
+
+def test_the_longest_known_beginning_of_a_dotted_name_is_found_and_none_of_an_unknown_one():
+    for name, known, found in (
+        ("a.b.c", {"a.b.c", "a"}, "a.b.c"),
+        ("a.b.c", {"a", "a.b"}, "a.b"),
+        ("a.b.c", {"a", "b", "b.c"}, "a"),
+        ("ab.c", {"a"}, None),
+        ("a", {"a.b"}, None),
+    ):
+        assert known_prefix(name, known) == found
+
+
+def test_numbers_that_are_taken_have_their_places_and_what_is_computed_has_none():
+    trees = {"a": 1.0, "b": [2.0, 3.0]}, 4.0
+    assert find_places(lambda table, last: [last, table["b"][1], table["a"], last], trees) == [3, 2, 0, 3]
+    assert find_places(lambda table, last: [table["b"][0] + 0.0 * last, last], trees) == [-1, 3]
+    assert find_places(lambda table, last: [5.0, table["a"]], trees) == [-1, 0]
+
+
+class Parts(NamedTuple):
+    """What a system says of one of its parts."""
+
+    system: Any
+    state: Any
+    memory: Any
+    signals: Any
+    outputs: dict[str, str]
+
+
+@jax.tree_util.register_static
+class Row:
+    """A system without numbers of its own, and what it says of its parts."""
+
+    def __init__(self, parts):
+        self.parts = parts
+
+
+def test_a_system_splits_into_parts_of_one_structure_and_what_they_share_is_one_number():
+    def parts(state, memory, signals):
+        return [Parts(memory, state[k], {}, signals, {"x": f"part{k}.x"}) for k in range(2)]
+
+    rest = [1.0, 2.0, 3.0], 7.0, {"u": 8.0}
+    split = Split.of((Row(parts), *rest))
+    assert split.outputs == [{"x": "part0.x"}, {"x": "part1.x"}] and split.example == (7.0, 1.0, {}, {"u": 8.0})
+    shared, own, signal = split.stacked([1.0, 2.0, 3.0, 7.0, 8.0])
+    assert (float(shared), float(signal), own.tolist()) == (7.0, 8.0, [1.0, 2.0])
+    for others in (
+        lambda *_: [],
+        lambda state, memory, signals: [*parts(state, memory, signals), Parts(memory, 2.0 * state[2], {}, signals, {})],
+        lambda state, memory, signals: [*parts(state, memory, signals), Parts(memory, state[2], {}, [signals], {})],
+    ):
+        assert Split.of((Row(others), *rest)) is None
+
+
+def test_a_number_that_parts_do_not_share_is_a_column_of_its_own_type():
+    values = [np.float64(1.0), np.arange(2.0), np.int32(3), np.int32(4), np.ones(2)]
+    single = np.array([1.0, np.nan, 3.0, 4.0, np.nan])
+
+    def stacked(*row):
+        return Split._stacked(np.array(row), values, single)
+
+    assert stacked(1, 1) is values[1]
+    assert stacked(2, 3).dtype == np.int32 and stacked(2, 3).tolist() == [3, 4]
+    assert stacked(0, 2).tolist() == [1.0, 3.0]
+    assert stacked(1, 4).tolist() == [[0.0, 1.0], [1.0, 1.0]]

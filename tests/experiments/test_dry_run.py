@@ -240,6 +240,15 @@ def test_a_length_that_no_span_of_the_rig_has_is_refused_by_its_parameter_whatev
         ('pressure = { to = "4 bar", in = "0.5 s" }', "pressure >= {} bar", 4.0),
         ('pressure = { to = "4 bar", in = "0.5 s" }', "pressure <= {} bar", 3.0),  # where the step before has left it
         ('pressure = { to = "2 bar", in = "0.5 s" }', "pressure <= {} bar", 2.0),
+        ('span = { to = "0.9 L0", in = "0.5 s" }', "span <= {} L0", 0.9),
+        ('span = { to = "0.9 L0", in = "0.5 s" }', "span >= {} L0", 1.0),
+        ('span = { to = "1.1 L0", in = "0.5 s" }', "span <= {} L0", 1.0),
+        ('span = { to = "1.1 L0", in = "0.5 s" }', "span >= {} L0", 1.1),
+        ('pressure = { to = "4 bar", in = "0.5 s" }', "tension >= {} N", float(nylon(L0, 4e5))),
+        ('pressure = { to = "4 bar", in = "0.5 s" }', "tension <= {} N", float(nylon(L0, 3e5))),
+        ('pressure = { to = "2 bar", in = "0.5 s" }', "tension <= {} N", float(nylon(L0, 2e5))),
+        ('tension = { to = "30 N", in = "0.5 s" }', "tension >= {} N", 100.0),  # all that the cell reads
+        ('tension = { to = "30 N", in = "0.5 s" }', "tension <= {} N", 0.0),
     ],
 )
 def test_a_condition_may_come_true_up_to_what_is_driven_and_not_beyond(step, until, bound):

@@ -9,9 +9,11 @@ import pytest
 import mckibben as mk
 from mckibben.errors import ConvergenceError, InputError
 from mckibben.estimation import Estimate, Inseparable
-from mckibben.identification.fit import Fit, Holdout, _numbers, degenerate_words, fitted_specimen
+from mckibben.identification.fit import STEP_SHARE, Fit, Holdout, _numbers, degenerate_words, fitted_specimen
 from mckibben.identification.problem import CrossValidation
 from mckibben.identification.ranking import ERRS, assumptions, cautions_of, verdict
+from mckibben.muscles.laws import law_type
+from mckibben.quantities import declared
 
 POINTS = mk.ForceMap("t", [0.12, 0.13, 0.13], [3e5, 3e5, 1e5], [40.0, 100.0, 0.0])
 LARGEST = 100.0
@@ -181,3 +183,18 @@ def test_texts_of_parameters_are_taken_in_si_and_other_words_are_left_to_the_law
 def test_nothing_is_kept_of_fits_of_which_none_converged():
     with pytest.raises(ConvergenceError, match="no fit converged"):
         fitted_specimen([fit(converged=False)])
+
+
+def test_half_an_interval_is_the_slope_on_both_sides_or_within_the_bounds_where_a_parameter_lies_at_one():
+    """Of a square, whose slope between two points is their sum; 1e-9 is what differences of some 1e-3 leave of 16 digits."""
+    bound, width = declared(law_type("ideal"))["turns"].bounds[0], 0.1
+    step = STEP_SHARE * width
+
+    def half(value, width):
+        turns = Estimate(value, value - width, value + width, "1")
+        one = fit(parameters={"thread_length": THREAD, "turns": turns})
+        return one._half_width(lambda turns: np.array([turns**2, 1.0]), "turns", width)
+
+    assert half(3.0, width) == pytest.approx([2.0 * 3.0 * width, 0.0], rel=1e-9)
+    assert half(bound, width) == pytest.approx([(2.0 * bound + step) * width, 0.0], rel=1e-9)
+    assert half(3.0, 0.0).tolist() == [0.0, 0.0]

@@ -126,3 +126,16 @@ def test_pressures_that_are_tried_hold_zero_the_threshold_its_ends_and_both_ends
     assert len(tried) == 40 and (tried[0], tried[-1]) == (-1e4, 3e5) and np.all(np.diff(tried) >= 0.0)
     assert {0.0, 4e4, 5e4, 6e4} <= set(tried.tolist())
     assert {-5e3, 0.0, 5e3} <= set(check.pressures(SimpleNamespace()).tolist())  # as if one lay at zero, 0.1 bar wide
+
+
+def test_a_step_along_a_path_lasts_a_millisecond_unless_another_time_is_stated():
+    """A damper's force is its constant times the speed, so that it tells the time; exact but for rounding."""
+
+    class Damper(Dahl):
+        def force(self, state, velocity, pressure):
+            return 3.0 * velocity
+
+    damper = Damper(limit=FrictionLimit(constant=2.0, per_pressure=4e-6), stiffness=2e4)
+    for times, speed in (((), 2e-2), ((1e-2,), 2e-3)):
+        path = check.follow(damper, np.array([2e-5]), np.zeros(2), *times)
+        assert float(path.before[0]) == float(path.after[0]) == pytest.approx(3.0 * speed, rel=1e-12)

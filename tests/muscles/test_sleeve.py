@@ -1,5 +1,6 @@
 """What a braid's dimensions tell of a muscle: its laws are those of the paper, and its errors those that are stated."""
 
+import dataclasses
 import functools
 import json
 from pathlib import Path
@@ -18,7 +19,7 @@ from mckibben.muscles.build import rest_length_of, upper_length_of
 from mckibben.muscles.evidence import beyond_braid_caution
 from mckibben.muscles.sleeve import DIMENSIONS, ERRORS, braid_laws, from_braid, youngs_modulus
 from mckibben.recordings import read_force_map
-from mckibben.specimens import Specimen, map_file, save_specimen, specimen
+from mckibben.specimens import Specimen, SpecimenNumber, map_file, save_specimen, specimen
 from mckibben.studies.comparison.table import subject
 from mckibben.studies.sizing import catalogue
 from mckibben.studies.sizing.requirements import Requirements
@@ -363,3 +364,76 @@ def test_a_size_from_a_braid_moves_its_dimensions_and_asks_neither_a_push_nor_le
     for source in sizing.sources:
         assert 0.0 < source.energy_range[0] <= source.energy <= source.energy_range[1]
         assert source.cycles_range is None or 0 <= source.cycles_range[0] <= source.cycles_range[1]
+
+
+DEGREE, ANGLE = np.pi / 180.0, sleeve.NARROWEST + 1e-3
+
+
+def at_reading(**changes: float) -> dict[str, float]:
+    """Dimensions as read [SI]."""
+    return dict(zip(DIMENSIONS, (0.3, 0.012, 0.44, 0.25e-3, 1e-3, 45.0), strict=True)) | changes
+
+
+@pytest.mark.parametrize(
+    ("change", "unknown", "ends"),
+    [
+        ({}, False, {"rest_length": (0.2985, 0.3015), "diameter": (0.01176, 0.01224), "shore": (40.0, 50.0)}),
+        ({}, False, {"thread_diameter": (0.225e-3, 0.275e-3), "bladder_thickness": (0.9e-3, 1.1e-3)}),
+        ({}, True, {"braid_angle": (0.44 - DEGREE, 0.44 + DEGREE), "shore": (30.0, 70.0)}),
+        ({"shore": 22.0}, False, {"shore": (20.0, 27.0)}),
+        ({"shore": 78.0}, False, {"shore": (73.0, 80.0)}),
+        ({"braid_angle": ANGLE}, False, {"braid_angle": (sleeve.NARROWEST, ANGLE + DEGREE)}),
+        # 0.95 x 12 mm - 4 x 0.25 mm - 2 x 5.1 mm leave 0.2 mm, of which 0.18 mm may be read wrongly
+        ({"bladder_thickness": 5.1e-3}, False, {"bladder_thickness": (4.59e-3, 5.19e-3), "diameter": (0.01182, 0.01224)}),
+    ],
+)  # fmt: skip
+def test_each_reading_of_a_braid_is_off_to_either_side_alone_and_never_so_that_nothing_is_left(change, unknown, ends):
+    at = at_reading(**change)
+    varied = np.array(list(sleeve._varied(at, unknown).values())).T
+    assert varied.shape == (13, 6) and varied[0].tolist() == list(at.values())
+    for column, name in enumerate(DIMENSIONS):
+        rows = varied[varied[:, column] != at[name]]
+        assert len(rows) == 2 and all(np.count_nonzero(row != varied[0]) == 1 for row in rows)
+        if name in ends:
+            assert rows[:, column] == pytest.approx(ends[name], rel=1e-9), name  # rounding
+
+
+def test_effects_of_readings_add_as_squares_to_either_side_and_end_where_no_braid_can_be():
+    values = np.full(13, 5.0)
+    values[[1, 2, 4, 6]] = 5.3, 4.9, 5.4, 4.8  # two above by 0.3 and 0.4, two below by 0.1 and 0.2
+    below = 5.0 - np.hypot(0.1, 0.2)
+    one = sleeve._parameter("ideal", "turns", "1", values, (0.0, 9.0))
+    assert one.value == 5.0 and one.range == pytest.approx((below, 5.5), rel=1e-5) and "cut" not in one.note
+    assert one.note == "computed from the dimensions"
+    for limits, ends in (((4.9, 9.0), (4.9, 5.5)), ((0.0, 5.2), (below, 5.2))):
+        cut = sleeve._parameter("ideal", "turns", "1", values, limits)
+        assert cut.range == pytest.approx(ends, rel=1e-5) and cut.note.endswith(
+            "; the range ends where no braid can be"
+        )
+
+
+@pytest.mark.parametrize(
+    ("shore", "value"), [(40, 40), ("40A", "40"), (" 45 a ", "45"), ("50", "50"), ("40D", None), ("00-30", None)]
+)
+def test_a_hardness_is_one_of_the_a_scale(shore, value):
+    if value is None:
+        with pytest.raises(InputError, match="must be a hardness on the A scale, such as 40A"):
+            sleeve._hardness(shore)
+    else:
+        assert sleeve._hardness(shore) == value
+
+
+def test_a_braid_may_be_as_stubby_and_its_laws_as_different_as_nothing_is_said_of():
+    """Four diameters, and a quarter more of the least; to the last digits of a sum."""
+    spec = braid()
+    least = sleeve.SLENDER * spec.property_si("outer_diameter", "m")
+    for length, said in ((least * (1.0 + 1e-9), False), (least * (1.0 - 1e-9), True)):
+        number = SpecimenNumber(value=length, unit="m")
+        short = dataclasses.replace(spec, properties={**spec.properties, "rest_length": number})
+        assert (sleeve.slenderness_caution(short) is not None) is said
+    for other, said in ((125.0, False), (125.1, True), (80.0, False), (79.9, True)):
+        found = sleeve.differing_caution(spec, "ideal", 100.0, {"thick_wall": other, "linear_threshold": 100.0})
+        assert (found is not None) is said
+        if found is not None:
+            assert f"100 N by ideal, {other:.3g} N by thick_wall, 100 N by linear_threshold. Trust" in found.text
+    assert sleeve.differing_caution(spec, "ideal", 100.0, {}) is None

@@ -18,10 +18,11 @@ from mcap.writer import CompressionType, Writer
 
 from mckibben.errors import InputError
 from mckibben.formats.live_log import HEAD
-from mckibben.formats.mcap import write_log
+from mckibben.formats.mcap import is_log, write_log
 from mckibben.formats.mcap_records import ATTACHMENT, CHUNK, MESSAGE, ByteGap, attachment, records, records_inside
 from mckibben.formats.mcap_records import _unpacked as unpack
 from mckibben.formats.messages import LoggedMessage, json_message, protobuf_decoder, ros_message
+from mckibben.formats.sidecar import KEY
 from mckibben.recordings import Channel, LiveLog, Recording, read_any
 from mckibben.recordings.files import read_log
 
@@ -155,6 +156,21 @@ def test_a_damaged_head_costs_the_meta_only() -> None:
     assert "head of the log is damaged" in found.remarks[0]
     assert found.recording.meta["warnings"] == found.remarks
     assert len(found.recording) == N
+
+
+def test_a_log_is_known_by_either_of_two_places_near_its_start_and_by_no_later_one(tmp_path: Path) -> None:
+    key, head = struct.pack("<I", len(KEY)) + KEY.encode(), HEAD.encode()
+    neither = CLOSED.replace(key, b"?" * len(key)).replace(head, b"?" * len(head))
+    path = tmp_path / "a.mcap"
+    for data, known in (
+        (CLOSED, True),
+        (CLOSED.replace(head, b"?" * len(head)), True),
+        (CLOSED.replace(key, b"?" * len(key)), True),
+        (neither, False),
+        (neither.ljust(4096, b"?") + head, False),
+    ):
+        path.write_bytes(data)
+        assert is_log(path) is known
 
 
 @settings(max_examples=60, deadline=None)
