@@ -22,8 +22,10 @@ def measure(quick: bool, reference: str) -> dict[str, Any]:
         "density": yardstick.DENSITY,
     }
     repeats = 3 if quick else 11
-    s1 = {"repeats": repeats, "numbers": numbers, "reference": reference, "tolerances": [1e-3, 1e-6]}
-    arguments = {"diffrax": [json.dumps(s1)], "FONSim": ["--json", "--repeats", str(repeats)]}
+    s1 = json.dumps(
+        {"repeats": repeats, "numbers": numbers, "reference": reference, "tolerances": yardstick.TOLERANCES}
+    )
+    arguments = {"diffrax": [s1], "CVODE": [s1], "FONSim": ["--json", "--repeats", str(repeats)]}
     rows: list[Any] = []
     left_out: dict[str, str] = {}
     extra: dict[str, Any] = {}

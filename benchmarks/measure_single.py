@@ -107,9 +107,42 @@ def s1(quick: bool, known: Path) -> tuple[list[Any], dict[str, float]]:
     return rows, {name: taken.ratio("C", name) for name in runs}
 
 
+def curve(quick: bool, known: Path) -> list[Any]:
+    """Work over precision on S1 for 10 s: the C kernel and ours at several steps, LSODA with plain Python at tolerances."""
+    from scipy.integrate import odeint
+
+    batch = cases.batch(cases.s1(), 1, round(PATH / cases.PERIOD))
+    exact, times = np.load(known)["contraction"], cases.PERIOD * np.arange(batch.samples + 1)
+    runs: dict[tuple[str, str], Any] = {}
+    for inner in (1, 2, 5, 10, 20):
+        step = f"{1e6 * cases.PERIOD / inner:g} us"
+        runs["C by hand", step] = Kernel("s1", single=True).prepared(batch, inner, cases.PERIOD)
+        runs["mckibben", step] = ENGINES["native"](batch, inner=inner)
+    for tolerance in yardstick.TOLERANCES:
+        atol = tolerance * 1e-3 * np.array([1e-2, 1e-1, 1e5])
+        runs["LSODA, plain Python", f"{tolerance:g}"] = lambda rtol=tolerance, atol=atol: (
+            odeint(yardstick.plain_rate, yardstick.START, times, tfirst=True, rtol=rtol, atol=atol),
+        )
+    errors = {name: float(np.abs(run()[0][:, 0] - exact).max() / np.ptp(exact)) for name, run in runs.items()}
+    taken = in_turns({" ".join(name): run for name, run in runs.items()}, 3 if quick else 11)
+    return [
+        {
+            "group": "curve",
+            "program": program,
+            "case": "S1, one muscle",
+            "setting": setting,
+            "dtype": "float64",
+            "real_time": PATH / taken.median(f"{program} {setting}"),
+            "error": errors[program, setting],
+        }
+        for program, setting in runs
+    ]
+
+
 def measure(quick: bool) -> dict[str, Any]:
-    """Both; the path of S1 is kept for the programs that are compared on it."""
+    """All of them; the path of S1 is kept for the programs that are compared on it."""
     rows, vs_lsoda = muscle(quick)
     known = exact_path()
     more, vs_c = s1(quick, known)
+    more += curve(quick, known)
     return {"rows": rows + more, "vs_lsoda": vs_lsoda, "s1_vs_c": vs_c, "reference": str(known)}

@@ -10,6 +10,7 @@ TITLES = {
     "peak": "The processor's peak",
     "single": "One muscle for 2 s",
     "s1": "Benchmark system S1, 10 s",
+    "curve": "S1, 10 s: work over precision",
     "cores": "Two cores",
     "rig": "Many muscles in one machine",
     "gradients": "Derivatives of whole runs",
@@ -187,6 +188,26 @@ def errors(result: dict[str, Any], path: Path) -> bool:
     return _saved(figure, path)
 
 
+def curves(result: dict[str, Any], path: Path) -> bool:
+    """Draw work over precision on S1: a line for each program, and for each method of one that has several."""
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for r in result["rows"]:
+        if r.get("case") == "S1, one muscle" and r.get("error"):
+            method = r["setting"].rpartition(", ")[0]
+            lines.setdefault(", ".join(filter(None, (r["program"], method))), []).append((r["error"], r["real_time"]))
+    if len(lines) < 2:
+        return False
+    figure, axes = _axes(PICTURE_TITLES["curves"])
+    for i, (name, points) in enumerate(lines.items()):
+        axes.loglog(
+            *zip(*sorted(points), strict=True), "osD^vP*X"[i % 8] + "-", color=f"C{i}", ms=4, lw=1.4, label=name
+        )
+    axes.set_xlabel("largest error of the contraction over its range, relative to the exact path")
+    axes.set_ylabel("simulated seconds per second")
+    axes.legend(fontsize=7, frameon=False)
+    return _saved(figure, path)
+
+
 def name_of(row: dict[str, Any]) -> str:
     """Return program and case of a row, for the legend."""
     who = row.get("program") or f"mckibben, {row['engine'].split(',')[0]}"
@@ -194,5 +215,9 @@ def name_of(row: dict[str, Any]) -> str:
     return f"{who}: {row['case'].split(', error')[0]}"
 
 
-PICTURES = {"batches": batches, "errors": errors}
-PICTURE_TITLES = {"batches": "Full muscle with gas and friction", "errors": "One machine: speed against error"}
+PICTURES = {"batches": batches, "errors": errors, "curves": curves}
+PICTURE_TITLES = {
+    "batches": "Full muscle with gas and friction",
+    "errors": "One machine: speed against error",
+    "curves": "S1, one muscle: work over precision",
+}

@@ -27,6 +27,7 @@ NUMBERS = {
     "room": 101325.0, "gas_constant": 287.0, "temperature": 293.0, "exponent": 1.2,
 }  # fmt: skip
 CONDUCTANCE, RATIO, DENSITY, BAND = 3e-9, 0.3, 1.185, 1.0
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of programs that choose their steps
 START = (0.0, 0.0, NUMBERS["room"] + 1000.0)  # contraction [m], its rate [m/s], absolute pressure [Pa]
 
 

@@ -10,12 +10,14 @@ after the language control the output:
     ```console lines=12        show at most this many lines of the output, then an ellipsis
     ```python quiet            run without showing the code or its output
     ```python needs=LIBRARY    run only where the library is installed, which `make docs` does not install; else without output
-    ```sh needs=board          never run: it needs what no library brings, such as a board, measured data or a second terminal
+    ```sh needs=board          never run: it needs what no library brings, such as a board, measured data or a second terminal;
+                               any block may say so
     ```python job              a script of a job, which runs in a process of its own and is timed (see jobs.py)
 
 Each page runs in an empty working directory; figures saved there become assets of the site. As printed it runs in a folder
 with the entries of this copy, commands by a shell, without the blocks that a reader does not see, with warnings as they come
-by default. Of each page the number of blocks is printed, and what failed; commands of pip are what was done before.
+by default. Of each page the numbers of commands and blocks of Python are printed that ran and that were left out for what they
+need, and what failed; commands of pip are what was done before (`as_printed.py` does it, for all pages).
 """
 
 from __future__ import annotations
@@ -102,7 +104,7 @@ def _lacks(words: list[str], where: str) -> bool:
     """Whether a block needs what is not there; says so."""
     needs = next((w.partition("=")[2] for w in words if w.startswith("needs=")), "")
     if lacks := bool(needs) and importlib.util.find_spec(needs) is None:
-        print(f"{where}: not run, for {needs} is not installed")
+        print(f"{where}: left out, for it needs {needs}")
     return lacks
 
 
@@ -191,32 +193,42 @@ def _shortened(text: str, most: int) -> str:
 # ---- as printed
 
 
-def run_as_printed(text: str, name: str) -> tuple[int, list[str]]:
-    """Run the visible blocks of a page in the present folder; return their number, and what failed."""
+def run_as_printed(text: str, name: str) -> tuple[int, int, list[str]]:
+    """Run the visible blocks of a page in the present folder.
+
+    Returns:
+        The numbers of commands and blocks of Python that ran, and that were left out; and what failed.
+    """
     space: dict[str, object] = {"__name__": "__main__"}
-    ran, failed = 0, []
+    ran, left_out, failed = 0, 0, []
     for m in FENCE.finditer(text):
         kind, words, body = m[1], m[2].split(), m[3]
         where = f"{name}, line {text[: m.start()].count(chr(10)) + 1}"
         options = dict(w.split("=") for w in words if "=" in w)
-        if "quiet" in words or _lacks(words, where) or (kind == "sh" and "-m pip install" in body):
+        if "quiet" in words or (kind == "sh" and "-m pip install" in body):
             continue
-        ran += 1
-        try:
-            if "file" in options:
-                Path(options["file"]).write_text(body, encoding="utf-8")
-            elif kind == "python" and "job" not in words:
-                _python(body, space, where)
-            elif kind == "python":
-                _in_shell(f"{shlex.quote(sys.executable)} - <<'END'\n{body}END\n", 0, where)
-            elif kind == "sh":
-                _in_shell("set -e\n" + re.sub(r"(?m)^\$ ", "", body), int(options.get("exit", "0")), where)
-            else:
-                for command in re.findall(r"(?m)^\$ (.*(?:(?<=\\)\n.*)*)", body):
+        prompt = r"\$ " if kind == "console" else r"(?=\S)"
+        # a block of Python is one; so is a command that goes on in the next line
+        commands = [body] if kind == "python" else re.findall(rf"(?m)^{prompt}(.*(?:(?<=\\)\n.*)*)", body)
+        if _lacks(words, where):
+            left_out += len(commands)
+            continue
+        ran += len(commands)
+        if kind == "sh":  # one line builds on another
+            commands = ["set -e\n" + re.sub(r"(?m)^\$ ", "", body)]
+        for command in commands:
+            try:
+                if "file" in options:
+                    Path(options["file"]).write_text(body, encoding="utf-8")
+                elif kind == "python" and "job" not in words:
+                    _python(body, space, where)
+                elif kind == "python":
+                    _in_shell(f"{shlex.quote(sys.executable)} - <<'END'\n{body}END\n", 0, where)
+                else:
                     _in_shell(command, int(options.get("exit", "0")), where)
-        except (ExampleError, SystemExit) as error:
-            failed.append(str(error))
-    return ran, failed
+            except (ExampleError, SystemExit) as error:
+                failed.append(str(error))
+    return ran, left_out, failed
 
 
 def _in_shell(command: str, code: int, where: str) -> None:
@@ -246,9 +258,9 @@ def main(pages: list[str]) -> int:
             if entry.name not in ("build", "dist", "out", "site") and not entry.name.startswith("."):
                 Path(folder, entry.name).symlink_to(entry)
         os.chdir(folder)
-        ran, failed = run_as_printed(text, name)
+        ran, left_out, failed = run_as_printed(text, name)
         os.chdir(root)
-    print(f"{name}: {ran} blocks, {len(failed)} failed", *failed, sep="\n  ", flush=True)
+    print(f"{name}: {ran} run, {left_out} left out, {len(failed)} failed", *failed, sep="\n  ", flush=True)
     return int(bool(failed))
 
 

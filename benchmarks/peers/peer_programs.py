@@ -17,6 +17,7 @@ PEERS: dict[str, tuple[list[str], Path]] = {
     "OpenSim": (["opensim"], HERE / "opensim_mckibben.py"),
     "SoRoMoX": (["soromox"], HERE / "soromox_arm.py"),
     "diffrax": (["diffrax"], HERE / "diffrax_s1.py"),
+    "CVODE": (["casadi"], HERE / "cvode_s1.py"),
     "FONSim": (["fonsim", str(ROOT / "packages" / "lanewise"), str(ROOT)], ROOT / "benchmarks" / "fonsim_tank.py"),
 }
 # the same for programs that are not measured for their speed

@@ -166,6 +166,16 @@ def test_a_page_names_what_its_visible_blocks_need_beyond_the_installation(page:
     assert {name for name in others if not re.search(rf"pip install [^`\n]*\b{name}\b", TEXT[page])} == set()
 
 
+@pytest.mark.parametrize("page", [*(p for p in WRITTEN if p.name != "CONTRIBUTING.md"), *READMES[3:]], ids=name_of)
+def test_a_command_stands_where_it_is_run_as_printed(page: Path) -> None:
+    """In a block that `docs/as_printed.py` runs, or that says what it needs: nobody runs an indented one, or text."""
+    text = page.read_text(encoding="utf-8")
+    others = re.findall(r"^```(?!(?:python|console|sh)\b)[^\n]*\n(.*?)^```", text, flags=re.M | re.S)
+    others += re.findall(r"^    (.*)$", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), flags=re.M)
+    command = r"^(?:\$ )?(?:mckibben .*|python (?:examples|benchmarks)/.*|(?:import|from) mckibben\b.*)$"
+    assert re.findall(command, "\n".join(others), flags=re.M) == []
+
+
 def test_every_job_has_a_page_that_runs_it_and_a_row_in_the_list() -> None:
     jobs = {p.name: TEXT[p] for p in (DOCS / "jobs").glob("*.md") if p.name != "index.md"}
     listed = re.findall(r"^\|.*\]\(([\w-]+\.md)\).*\| \| \| \|$", TEXT[DOCS / "jobs/index.md"], re.M)

@@ -148,8 +148,10 @@ def test_a_page_as_printed_runs_all_that_a_reader_sees_and_nothing_else(
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    ran, (unknown, ended, first) = importlib.import_module("examples").run_as_printed(PAGE, "a page")
-    assert ran == 5  # without the hidden one and the one that needs a board
+    ran, left_out, (unknown, ended, first) = importlib.import_module("examples").run_as_printed(PAGE, "a page")
+    assert (
+        ran == 7 and left_out == 1
+    )  # three blocks of Python and four commands, one in two lines; one that needs a board
     assert "NameError: name 'hidden' is not defined" in unknown and unknown.startswith("a page, line 5")
     assert "`true" in ended and "and more` ended with 0 instead of 2" in ended
     assert "ended with 1 instead of 0" in first and first.startswith("a page, line 13")

@@ -293,20 +293,22 @@ def test_impossible_sensors_and_counts_are_refused():
 
 
 def test_kernels_predict_and_slope_as_the_law_does_by_xla(monkeypatch):
-    """One law, lowered or compiled by XLA: they differ by the order of additions only; chains beside each other as one."""
+    """One law, lowered or compiled by XLA: they differ by the order of additions only, and neither calls Python."""
     fitted = mk.fit("DMSP-20-300", law="linear_threshold", schemes=())
     problem = Problem(fitted.law, tuple(fitted.parameters), dict(fitted.known), fitted.points)
     kernels = _model_of(problem)
-    monkeypatch.setattr(sampler._host, "current", kernels["host"])
-    monkeypatch.setattr(Problem, "at_once", lambda problem: None)
+    monkeypatch.setattr(Problem, "runs_by_xla", True)
     rows = np.array([p.value for p in fitted.parameters.values()]) / problem.scale * [[1.0], [0.97], [1.02]]
     weights = np.random.default_rng(0).standard_normal(len(fitted.points))
 
     def both(of):
-        return jax.vmap(jax.value_and_grad(lambda x: weights @ of["model"](x, of["inputs"])))(rows)
+        return jax.jit(lambda x: jax.lax.map(jax.value_and_grad(lambda x: weights @ of["model"](x, of["inputs"])), x))
 
-    for mine, exact in zip(both(kernels), both(_model_of(problem)), strict=True):
+    for mine, exact in zip(both(kernels)(rows), both(_model_of(problem))(rows), strict=True):
         np.testing.assert_allclose(mine, exact, rtol=1e-9)  # sums of many terms of both signs
+    # Each step of a chain would wait for Python, and a program that calls it is compiled anew by every process.
+    said = both(kernels).lower(rows).as_text()
+    assert "lanewise_" in said and "callback" not in said
 
 
 def two_basins(x, inputs):

@@ -6,10 +6,11 @@ Source archives of mckibben, of its compiler and of the packages above it are bu
 they say of themselves is checked as a package index does. The wheel of mckibben is built twice: the programs that the first
 lowers for `FIRST` are brought by the second, so that nobody's first answer waits for JAX. For each Python (this one by
 default) the compiler is installed alone into an empty environment, where the example of its README runs; then mckibben
-without extras, whose commands that come with another package say which; then these packages, each with the example of its
-README, and every command is called there, or one of each distribution with `--brief`. It works; or it says in one sentence,
-before it computes anything, which extra or which file it needs, and ends with exit code 2. A command that is not in `CALLS`
-is an error, so that a new one cannot be forgotten. The size of each installation is printed, and what needs most of it.
+without extras, with the first script of its README, whose commands that come with another package say which; then these
+packages, each with the example of its README, and every command is called there, or those of `BRIEF`. It works; or it says
+in one sentence, before it computes anything, which extra or file it needs, and ends with exit code 2. A command that is
+not in `CALLS` is an error, so that a new one cannot be forgotten. The size of each installation is printed, and what needs
+most of it.
 
 Needs nothing of the package: the tools that build and check are installed into an environment of their own.
 """
@@ -39,8 +40,8 @@ OTHER_MAP = str(MAP.with_name("DMSP-10-250_force_map.csv"))
 KEPT = ("README.md", "LICENSE", "NOTICE", "CHANGELOG.md", "CITATION.cff", "CODE_OF_CONDUCT.md", "SECURITY.md")
 KEPT_ABOVE = ("README.md", "LICENSE", "NOTICE", "firmware/README.md", "firmware/bench.c")  # of those that have them
 TOOLS = ("build", "hatchling>=1.27", "twine")
-# With `--brief`, one command of each distribution, and one that needs none of those above.
-BRIEF = ("tension", "calibrate zero", "export", "benchmark", "reproduce")
+# With `--brief`, one command of each distribution, and of mckibben what people run first.
+BRIEF = ("tension", "read", "run", "calibrate zero", "export", "benchmark", "reproduce")
 # Arguments of Python; what they lower is in the wheel, in a folder that git ignores. The first script is README's.
 LOWERED = ROOT / "src" / "mckibben" / "lowered"
 FIRST = (
@@ -395,6 +396,7 @@ def installed(version: str, place: Path, compiler: Path, wheel: Path, above: lis
     wrong = example_runs(python, COMPILER, place, without="mckibben")
     tell_size(python, compiler)
     install(python, compiler, wheel)
+    wrong += example_runs(python, ROOT, place)
     wrong += packaged_commands(python, place)
     tell_size(python, wheel)
     for one, folder in zip(above, ABOVE, strict=True):
@@ -486,12 +488,15 @@ def example_runs(python: Path, package: Path, place: Path, without: str = "") ->
     assert example is not None
     alone = f"import importlib.util\nassert importlib.util.find_spec('{without}') is None\n" if without else ""
     env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "MCKIBBEN", "LANEWISE"))}
+    began = time.monotonic()
     done = subprocess.run(
         [python, "-P", "-c", alone + example[1]], cwd=place,
         env=env | {"LANEWISE_CACHE": str(place / "cache"), "XDG_CACHE_HOME": str(place / "cache")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    return [f"the example of the README of {package.name}: {done.stderr[-300:]}"] if done.returncode else []
+    name = "mckibben" if package == ROOT else package.name
+    print(f"{time.monotonic() - began:5.1f} s  first example of the README of {name}", flush=True)
+    return [f"the example of the README of {name}: {done.stderr[-300:]}"] if done.returncode else []
 
 
 # ---- what is called

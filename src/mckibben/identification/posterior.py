@@ -24,6 +24,7 @@ from .._jax import jax
 from ..accessors import Accessor
 from ..answers import Column, Table
 from ..documents import JsonValue, parse_json, read_text
+from ..engine.native import differentiable
 from ..errors import ConvergenceError, InputError
 from ..estimation import Estimate
 from ..extras import library
@@ -33,7 +34,7 @@ from ..muscles.laws import law_type
 from ..quantities import declared, in_si, with_unit
 from ..recordings import ForceMap
 from . import sampler
-from .problem import FittedLaw, Problem, tension_at
+from .problem import FittedLaw, Problem, slopes_at, tension_at
 
 if TYPE_CHECKING:
     from ..accessors import PosteriorPlots
@@ -752,32 +753,44 @@ def read_posterior(path: str | os.PathLike[str], *, law: str | None = None) -> P
 
 
 def _model_of(problem: Problem) -> dict[str, Any]:
-    """Model, inputs and host of the `Evidence`: kernels, or the law itself where only XLA can evaluate it.
-
-    For four chains XLA takes most of a minute to compile the derivatives of a law, and 4 ms a step; kernels 0.2 ms.
-    """
-    points, at_once, known = problem.points, problem.at_once(), tuple(sorted(problem.known))
-    if at_once is not None:
-        host = sampler.HostModel(*problem.functions(), at_once)
-        return {"model": sampler.host_model(len(points), len(problem.free)), "inputs": {}, "host": host}
+    """Model and inputs of the `Evidence`: a kernel that XLA calls itself, or the law where only XLA can evaluate it."""
+    points, known = problem.points, tuple(sorted(problem.known))
     inputs = {
         "scale": problem.scale,
         "known": tuple(np.broadcast_to(np.asarray(problem.known[n], float), (len(points),)) for n in known),
         "length": np.asarray(points.length, float),
         "pressure": np.asarray(points.pressure, float),
     }
-    return {"model": _law_model(law_type(problem.law), problem.free, known), "inputs": inputs}
+    count = 0 if problem.runs_by_xla else len(points)
+    return {"model": _law_model(law_type(problem.law), problem.free, known, count), "inputs": inputs}
 
 
 @functools.lru_cache(maxsize=64)
-def _law_model(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...]) -> sampler.Model:
-    force = functools.partial(tension_at, kind, free, known)
+def _law_model(kind: type[TensionLaw], free: tuple[str, ...], known: tuple[str, ...], count: int) -> sampler.Model:
+    """Tensions of a law at a count of points, by a kernel with its derivatives; by XLA where the count is 0."""
+    if not count:
+        over = jax.vmap(functools.partial(tension_at, kind, free, known), in_axes=(None, 0, 0, 0))
+        return lambda x, inputs: over(x * inputs["scale"], inputs["known"], inputs["length"], inputs["pressure"])
+    column = np.zeros(count)
+    examples = np.zeros(len(free)), tuple(column for _ in known), column, column
+    kernel = differentiable(functools.partial(_at_points, kind, free, known), *examples, engine="native")
 
-    def model(x: Any, inputs: Any) -> Any:
-        over = jax.vmap(force, in_axes=(None, 0, 0, 0))
-        return over(x * inputs["scale"], inputs["known"], inputs["length"], inputs["pressure"])
+    def both(x: Any, inputs: Any) -> Any:
+        force, slopes = kernel(x * inputs["scale"], inputs["known"], inputs["length"], inputs["pressure"])
+        return sampler.finite(force, slopes * inputs["scale"])
 
-    return model
+    predict = jax.custom_vjp(lambda x, inputs: both(x, inputs)[0])
+    predict.defvjp(both, lambda slopes, up: (up @ slopes, None))
+    return predict
+
+
+def _at_points(kind: Any, free: Any, known: Any, values: Any, fixed: Any, length: Any, pressure: Any) -> Any:
+    """Tension [N] at all points (n,), and its derivatives by the free parameters (n, free)."""
+
+    def at(point: Any) -> Any:
+        return tuple(of(kind, free, known, values, *point) for of in (tension_at, slopes_at))
+
+    return jax.lax.map(at, (fixed, length, pressure))
 
 
 def _plausible(problem: Problem, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

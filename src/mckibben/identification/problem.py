@@ -231,31 +231,10 @@ class Problem:
 
         return force, slopes
 
-    def at_once(self) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None:
-        """Both `functions` in one call for several scaled parameters (r, free): (r, n) and (r, n, free).
-
-        None where XLA evaluates them: its own programs must not call it.
-        """
-        n, functions = len(self.points), _compiled(law_type(self.law), self.free, tuple(sorted(self.known)))
-        if any(run.engine == "xla" for run in functions):
-            return None
-
-        @functools.cache
-        def points(rows: int) -> Any:
-            known = (np.broadcast_to(np.asarray(self.known[name], float), (n,)) for name in sorted(self.known))
-            return tuple(np.tile(x, rows) for x in known), *(
-                np.tile(np.asarray(x, float), rows) for x in (self.points.length, self.points.pressure)
-            )
-
-        def both(scaled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            rows = len(scaled)
-            each = np.repeat((scaled * self.scale).T, n, axis=1)
-            force, columns = (run(each, *points(rows), lanes=rows * n, threads=1) for run in functions)
-            columns = columns if columns.ndim == 2 else columns[:, None]  # the same at all points
-            slopes = np.broadcast_to(columns, (len(self.free), rows * n)).T * self.scale
-            return np.broadcast_to(force, (rows * n,)).reshape(rows, n), slopes.reshape(rows, n, -1)
-
-        return both
+    @property
+    def runs_by_xla(self) -> bool:
+        """Whether no kernel can evaluate the law."""
+        return any(f.engine == "xla" for f in _compiled(law_type(self.law), self.free, tuple(sorted(self.known))))
 
 
 def _power_of_length(unit: str) -> float:

@@ -47,17 +47,10 @@ Model = Callable[[Any, Tree], Any]
 
 
 class HostModel(NamedTuple):
-    """A prediction (n,) and its derivatives (n, p) by the parameters (p,), of arrays of NumPy; or both, of rows (r, p)."""
+    """A prediction (n,) and its derivatives (n, p) by the parameters (p,), of arrays of NumPy."""
 
     predict: Callable[[np.ndarray], np.ndarray]
     slopes: Callable[[np.ndarray], np.ndarray]
-    rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
-
-    def both(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Predictions (r, n) and derivatives (r, n, p) of several parameters (r, p)."""
-        if self.rows is not None:
-            return self.rows(rows)
-        return np.stack([self.predict(row) for row in rows]), np.stack([self.slopes(row) for row in rows])
 
 
 CHAINS, WARM_UP, DRAWS = 4, 500, 2000
@@ -486,7 +479,7 @@ def host_model(points: int, count: int) -> Model:
     shapes = jax.ShapeDtypeStruct((points,), float), jax.ShapeDtypeStruct((points, count), float)
 
     def both(x: Scalar) -> Any:
-        return jax.pure_callback(_predicted, shapes, x, vmap_method="broadcast_all")
+        return jax.pure_callback(_predicted, shapes, x)
 
     predict = jax.custom_vjp(lambda x: both(x)[0])
     predict.defvjp(both, lambda slopes, up: (up @ slopes,))
@@ -494,13 +487,16 @@ def host_model(points: int, count: int) -> Model:
 
 
 def _predicted(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Predictions (.., n) and derivatives (.., n, p) of parameters (.., p), finite everywhere."""
-    x, host = np.asarray(x), _host.current
+    """Prediction (n,) and derivatives (n, p) of the host for parameters (p,)."""
+    host = _host.current
     assert host is not None
-    values, slopes = host.both(x.reshape(-1, x.shape[-1]))
-    values = np.nan_to_num(values, nan=FAR, posinf=FAR, neginf=-FAR)
-    slopes = np.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
-    return values.reshape(*x.shape[:-1], -1), slopes.reshape(*x.shape[:-1], values.shape[-1], x.shape[-1])
+    return finite(host.predict(np.asarray(x)), host.slopes(np.asarray(x)), np)
+
+
+def finite(values: Any, slopes: Any, xp: Any = jnp) -> tuple[Any, Any]:
+    """A prediction (n,) and its derivatives (n, p) as finite numbers, by NumPy or, as by default, by JAX."""
+    far = xp.nan_to_num(values, nan=FAR, posinf=FAR, neginf=-FAR)
+    return far, xp.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def _data(evidence: Evidence) -> dict[str, Any]:
@@ -617,4 +613,6 @@ def _kernel(model: Model, chains: int, warm_up: int, each: int) -> Any:
         _, (places, lost) = jax.lax.scan(step, state, None, length=warm_up + each)
         return places[warm_up:], lost[warm_up:]
 
-    return jax.jit(jax.vmap(chain, in_axes=(0, 0, None)))
+    # One after the other: side by side, each would go on until the longest path of all ends, both ways of every branch
+    # would be computed, and what NumPyro nests would take seconds to trace.
+    return jax.jit(lambda keys, z, data: jax.lax.map(lambda both: chain(*both, data), (keys, z)))
