@@ -106,6 +106,22 @@ def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, co
     assert page.evaluate(f"{of}.law") == "ideal"  # the one that was shown
 
 
+def test_a_travel_of_a_testing_machine_is_chosen_as_one_and_counts_from_the_rest_length(visit):
+    rows = [(way, bar * (50 - 2 * way), bar) for bar in (2, 4) for way in (0, 5, 10, 15)]
+    table = "\n".join(["Weg;Kraft [N];Druck [bar]", *(";".join(map(str, row)) for row in rows)])
+    page = visit("/fit?laws=ideal")
+    page.wait_for_selector("[data-takes] input[type=file]", state="attached")
+    page.evaluate(DROPPED, ["zug.csv", table])
+    page.get_by_label("What Weg holds").select_option(label="Contraction or travel")
+    page.get_by_label("Unit of Contraction or travel").select_option("mm")
+    page.fill("#c-rest", "30")
+    page.press("#c-rest", "Enter")
+    page.wait_for_selector("text=8 rows used")
+    fitted(page, 1)
+    lengths = page.evaluate("JSON.parse(document.querySelector('figure.fitplot').dataset.fit).points.map(p => p.L)")
+    assert sorted(set(lengths)) == [28.5, 29.0, 29.5, 30.0]
+
+
 @pytest.mark.slow
 def test_columns_without_names_are_mapped_by_hand_and_what_is_wrong_stands_beside_them(visit, tmp_path):
     path = tmp_path / "unnamed.csv"
