@@ -124,7 +124,10 @@ def main() -> None:
                 day(page, served, given.hours, given.minutes)
                 return
             for _, (ended, took, after) in zip(range(3), runs(page, given.minutes), strict=False):
-                print(f"a run of {ended['time']:.0f} s took {took:.1f} s; saved {after:.2f} s after its end; {load()}", flush=True)
+                print(
+                    f"a run of {ended['time']:.0f} s took {took:.1f} s; saved {after:.2f} s after its end; {load()}",
+                    flush=True,
+                )
         finally:
             served.end()
 

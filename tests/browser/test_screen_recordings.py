@@ -5,7 +5,8 @@ import os
 
 import numpy as np
 import pytest
-from screen_server import says
+from screen_figures import MOVED
+from screen_server import says, settled
 
 from mckibben.analysis.channels import find_cycles
 from mckibben.analysis.loops import loops
@@ -107,12 +108,20 @@ def test_charts_loop_and_drawn_muscle_have_one_cursor_and_one_zoom(visit, folder
     until(lambda: page.evaluate(f"{CHARTS}[0].whole") == before)
 
 
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 768), (768, 1024), (390, 844)])
+def test_chosen_recordings_that_come_move_nothing_that_one_reads_already(visit, folder, width, height):
+    page = visit("/recordings?a=wide.nc&b=narrow.nc", width=width, height=height)
+    page.evaluate(MOVED)
+    settled(page)
+    assert page.evaluate("window.moved") < 0.1, page.evaluate("window.movers")  # what browsers call good
+
+
 def test_a_recording_is_played_on_the_drawn_muscle_at_a_chosen_speed(visit, folder, until):
     page = visit("/recordings?a=wide.nc")
     page.wait_for_selector(".playbar button")
     page.get_by_label("Speed").select_option("2")
     first = page.get_attribute(".player canvas", "aria-label")
-    began = page.evaluate("[window.atCursor, performance.now()]")
+    began = page.evaluate("[+document.querySelector('.playbar input').value, performance.now()]")
     page.get_by_role("button", name="Play").click()
     until(lambda: page.evaluate("window.atCursor") > began[0] + 1.0)
     went = page.evaluate("[window.atCursor, performance.now()]")

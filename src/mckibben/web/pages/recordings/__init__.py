@@ -70,13 +70,14 @@ class RecordingsPage:
             self._told = text("span", "", "small dim")
             self.actions.buttons()
         with box("div", "recordings"):
-            many = " many" if len(self.choice.shelf.names()) >= MANY else ""
+            count = len(self.choice.shelf.names())
+            many = " many" if count >= MANY else ""
             with box("section", f"panel list{many}").set(aria_label="List of recordings") as whole:
                 self._filters = listing.tools(self.choice.words, self._searched)
                 with box("div", "apart-bar"):
                     check("Only what differs", self._apart, self._told_apart)
                     self._same = text("span", "", "small faint")
-                self._list = box("div", "scroll-list")
+                self._list = box("div", f"scroll-list rows{min(count, MANY)}")
             self._lines = listing.RecordingLines(self._list, self._pick)
             self.pane.build()
         self.actions.build(whole)

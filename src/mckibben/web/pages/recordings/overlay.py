@@ -400,8 +400,10 @@ class OverlayPane:
                 with head:
                     segments(VIEWS, self._kind, self._look_at, "View")
                     button("Add note", key="N", small=True).set(id="note").on_value("note", self._open_note)
-                self._which = box("div", "row wrap")
-                self._charts = box("div", "overlay")
+                # what is chosen has its place before it is read, so that nothing moves when it comes
+                some = " some" if self._choice.chosen else ""
+                self._which = box("div", f"row wrap{some}")
+                self._charts = box("div", f"overlay{some}")
                 self._notes = box("div", "notes")
             with panel("Measured") as head:
                 with head:
@@ -540,16 +542,16 @@ class OverlayPane:
             return
         self._charts.clear()
         with self._charts:
-            if muscles := [muscle for part in parts if (muscle := played(part)) is not None]:
-                with box("div", "players"):
-                    for muscle in muscles:
-                        box("div", "player").data("spec", muscle)
             for one in drawn:
                 if isinstance(one, Chart):
                     with box("div", "timed" if one.x.label.startswith("time") else ""):
                         one.show()
                 else:
                     empty(one)
+            if muscles := [muscle for part in parts if (muscle := played(part)) is not None]:
+                with box("div", "players"):
+                    for muscle in muscles:
+                        box("div", "player").data("spec", muscle)
             if others := other_channels(parts):
                 with box("details").set(open=bool(self._more)):
                     text("summary", f"Other channels ({len(others)})")

@@ -208,7 +208,7 @@ export function sample (times, at) {
 export function showTime (figure, t) {
   const { plot, spec } = charts.get(figure) ?? {}
   if (!plot) return
-  if (spec.lines.some(l => l.course)) { spec.at = t; plot.redraw(false) } else plot.setCursor({ left: t === null ? -10 : plot.valToPos(t, 'x'), top: 0 })
+  if (spec.lines.some(l => l.course)) { spec.at = t; plot.redraw(false) } else plot.setCursor({ left: t === null ? -10 : plot.valToPos(t, 'x'), top: -10 })
 }
 /** Show what a loop did between two times; its usual part for null. */
 export function showSpan (figure, span) {

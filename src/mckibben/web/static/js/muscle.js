@@ -117,7 +117,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     if (projected(1) > 1) words(g, 'valve', 69, y - 25, { align: 'center' }) // beside its box there is no room
     else words(g, 'valve', 42, y - 50, { align: 'right' })
     g.fillStyle = token('--panel'); g.strokeStyle = token('--q-valve'); g.lineWidth = 1.5; g.beginPath(); g.roundRect(46, y - 68, 46, 28, 2); g.fill(); g.stroke()
-    words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
+    if (!recorded) words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
   }
   fitting(g, x0, y, k, -1)
   const r = drawMuscle(g, muscle, L, k, x0, y, { pressure: P, top })

@@ -24,6 +24,9 @@ function cursor (t, pointed = null) {
   window.atCursor = t
   for (const figure of all('.overlay figure.chart')) if (figure !== pointed) showTime(figure, t)
   for (const place of all('.player')) if (place.spec) picture(place, t)
+  said(t)
+}
+function said (t) {
   const slide = document.querySelector('.playbar input'); const words = `${fmt(t, 3)}${TS}s`
   if (!slide) return
   slide.value = t; slide.setAttribute('aria-valuetext', words); document.querySelector('.playbar output').textContent = words
@@ -49,7 +52,7 @@ function picture (place, t) {
   const { time, muscle, limits, range, letter, name, ...series } = place.spec
   const i = Math.max(0, sample(time, t)); const now = Object.fromEntries(Object.entries(series).map(([q, values]) => [q, values[i] ?? NaN]))
   const canvas = place.querySelector('canvas')
-  drawStage(canvas, place.clientWidth, place.clientWidth < 520, { muscle, now, limits, range, recorded: true })
+  drawStage(canvas, place.clientWidth, place.clientWidth < 520 || all('.player').length > 1, { muscle, now, limits, range, recorded: true })
   canvas.setAttribute('aria-label', `The muscle of ${letter}, ${name}, drawn to scale at ${fmt(time[i], 2)} s: length ${fmt(now.length, 2)} cm, pressure ${fmt(now.pressure, 2)} bar, tension ${fmt(now.tension, 1)} N`)
 }
 draws('.player', (place, spec) => {
@@ -70,13 +73,13 @@ function controls (players) {
   players.append(bar) // below the muscles
   Object.assign(bar.querySelector('input'), { min: low, max: high, step: (high - low) / 2000 || 1 })
   const at = window.atCursor
-  cursor(at >= low && at <= high ? at : low)
+  if (at >= low && at <= high) cursor(at); else { window.atCursor = undefined; said(low) }
 }
 function play (on) {
   const button = document.querySelector('.playbar button')
   if (!button) return
   const [low, high] = ends()
-  if (on && !(window.atCursor < high - 1e-6)) cursor(low)
+  if (on && !(window.atCursor >= low && window.atCursor < high - 1e-6)) cursor(low)
   if (on && !playing) { last = performance.now(); requestAnimationFrame(go) }
   playing = on
   button.innerHTML = `${on ? 'Hold' : 'Play'} <kbd>P</kbd>`
