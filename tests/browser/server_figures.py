@@ -71,8 +71,8 @@ def day(page: Any, served: Served, hours: float, minutes: float) -> None:
         (served.folder / ended["file"]).unlink()
         course.append((simulated / DAY, resident(served)))
         print(
-            f"{simulated / DAY:6.2f} h simulated: {course[-1][1]:7.1f} MB; a run of {ended['time']:.0f} s took {took:.1f} s, "
-            f"saved {after:.2f} s after its end; {load()}",
+            f"{simulated / DAY:6.2f} h simulated: {course[-1][1]:7.1f} MB; a run of {ended['time']:.0f} s "
+            f"took {took:.1f} s, saved {after:.2f} s after its end; {load()}",
             flush=True,
         )
         if simulated >= DAY * hours:
@@ -124,10 +124,8 @@ def main() -> None:
                 day(page, served, given.hours, given.minutes)
                 return
             for _, (ended, took, after) in zip(range(3), runs(page, given.minutes), strict=False):
-                print(
-                    f"a run of {ended['time']:.0f} s took {took:.1f} s; saved {after:.2f} s after its end; {load()}",
-                    flush=True,
-                )
+                said = f"a run of {ended['time']:.0f} s took {took:.1f} s; saved {after:.2f} s after its end"
+                print(f"{said}; {load()}", flush=True)
         finally:
             served.end()
 
