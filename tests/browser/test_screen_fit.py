@@ -11,6 +11,7 @@ from importlib import resources
 import pytest
 from screen_server import says
 
+from mckibben import muscle
 from mckibben.muscles.laws import LAWS
 
 MAP = resources.files("mckibben.specimens") / "maps" / "DMSP-20-300_force_map.csv"
@@ -120,6 +121,21 @@ def test_a_travel_of_a_testing_machine_is_chosen_as_one_and_counts_from_the_rest
     fitted(page, 1)
     lengths = page.evaluate("JSON.parse(document.querySelector('figure.fitplot').dataset.fit).points.map(p => p.L)")
     assert sorted(set(lengths)) == [28.5, 29.0, 29.5, 30.0]
+
+
+def test_a_law_that_ended_at_a_bound_says_so_where_it_stands_and_comes_behind_the_law_that_it_then_is(visit):
+    braid = muscle("ideal", thread_length="16 cm", turns=3.2)  # a braid without a wall
+    rows = [
+        (cm, bar, float(braid.tension(cm / 100.0, bar * 1e5))) for bar in (1, 2, 3, 4) for cm in (11, 11.5, 12, 12.5)
+    ]
+    table = "\n".join(["length [cm],pressure [bar],force [N]", *(",".join(map(repr, row)) for row in rows)])
+    page = visit("/fit?laws=thick_wall,ideal&rest=14")
+    page.wait_for_selector("[data-takes] input[type=file]", state="attached")
+    page.evaluate(DROPPED, ["braid.csv", table])
+    fitted(page, 2)
+    first, second = page.locator(".rank tr.pick").all()
+    assert (first.get_attribute("data-law"), second.get_attribute("data-law")) == ("ideal", "thick_wall")
+    assert "wall_thickness at its bound" in second.inner_text() and "bound" not in first.inner_text()
 
 
 @pytest.mark.slow

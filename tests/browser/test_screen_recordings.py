@@ -91,10 +91,16 @@ def test_charts_loop_and_drawn_muscle_have_one_cursor_and_one_zoom(visit, folder
     assert f"length {100 * record['length'][there]:.1f}" in label.replace("\u2212", "-")[:200] or any(
         f"length {100 * record['length'][i]:.2f} cm" in label for i in (there - 1, there)
     )
-    assert page.evaluate(f"{CHARTS}.map(f => f.querySelector('.u-cursor-x').style.transform).length") == 2
     # a zoom of one chart over time is that of the others, and the loop shows what was then
     other = visit("/recordings?a=wide.nc&view=channels")
     other.wait_for_function("document.querySelectorAll('figure.chart canvas').length === 3")
+    box = other.locator(".timed .u-over").first.bounding_box()
+    other.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
+    tips = "[...document.querySelectorAll('.timed .tip')].map(t => t.hidden ? '' : t.textContent)"
+    until(lambda: all(other.evaluate(tips)), what="a chart does not say what it has at the cursor")
+    times = [float(tip.split("\u2009")[0].replace("\u2212", "-")) for tip in other.evaluate(tips)]
+    # of the sample under the cursor: of 3 s over some hundred pixels, beside one of them
+    assert np.ptp(times) <= 3.0 / box["width"] + 2e-3
     other.locator(".timed .plot").first.focus()
     other.keyboard.press("+")
     ranges = other.evaluate(f"{CHARTS}.map(f => (f.zoomed ?? f.whole).x)")
