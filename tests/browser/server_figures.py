@@ -6,7 +6,8 @@
 
 `day` runs work loops of some minutes each, as fast as they go, until so many hours of them are simulated, and prints the
 memory of the server after each; each recording is deleted, as it is no memory. `save` says how long after its last sample a
-run is kept and said to be. `size` opens the page on a new server, and asks four questions more, each for the first time.
+run is kept and said to be. `size` opens the page on a server that has stood for 20 s, and asks four questions more, each for
+the first time.
 The load of the machine stands in each line. Requires playwright and chromium.
 """
 
