@@ -119,6 +119,7 @@ def test_a_travel_of_a_testing_machine_is_chosen_as_one_and_counts_from_the_rest
     page.press("#c-rest", "Enter")
     page.wait_for_selector("text=8 rows used")
     fitted(page, 1)
+    page.wait_for_selector("figure.fitplot[data-fit]", state="attached")
     lengths = page.evaluate("JSON.parse(document.querySelector('figure.fitplot').dataset.fit).points.map(p => p.L)")
     assert sorted(set(lengths)) == [28.5, 29.0, 29.5, 30.0]
 
