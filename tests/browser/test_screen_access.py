@@ -1,21 +1,16 @@
 """Whoever cannot see, hold a mouse or tell colours uses the same pages: WCAG 2.1 AA, as far as a program can check it."""
 
 import pytest
+from screen_figures import COVERED, ZOOMED, violations
 from screen_server import settled
 
 PAGES = ("/", "/fit?map=DMSP-20-300", "/compare", "/energy", "/circuit", "/size?lines=no", "/paper", "/recordings")
-RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 
 
 def found(page):
     """What speaks against a page, a line each."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-    answer = axe.Axe().run(page, options={"runOnly": {"type": "tag", "values": RULES}, "resultTypes": ["violations"]})
-    return [
-        f"{one['id']}: {node['target']}: {node['failureSummary'].splitlines()[-1].strip()}"
-        for one in answer.response["violations"]
-        for node in one["nodes"]
-    ]
+    pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    return violations(page)
 
 
 # Pages that compute before they show take a quarter of a minute each.
@@ -52,6 +47,15 @@ def test_no_page_is_wider_than_its_window(visit, until, path):
             until(lambda: page.evaluate(f"document.documentElement.scrollWidth <= innerWidth && !{elements}[0]"), 10.0)
         except AssertionError:
             raise AssertionError(f"at {width} px: {page.evaluate(elements)}") from None
+
+
+@pytest.mark.parametrize("path", [pytest.param(p, marks=pytest.mark.slow) if p in LATER else p for p in PAGES])
+def test_at_twice_the_size_no_words_lie_over_others_and_none_are_cut_off(visit, path):
+    for width, height in ZOOMED.items():
+        page = visit(path, width=width, height=height, device_scale_factor=2.0)
+        settled(page)
+        covered = page.evaluate(COVERED)
+        assert not covered["over"] and not covered["cut"], (width, covered)
 
 
 CALLED = """e => e.tagName + ' ' + (

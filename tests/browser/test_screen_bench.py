@@ -227,6 +227,26 @@ def test_a_number_of_the_sentence_is_its_field_and_says_beside_itself_what_is_wr
     until(lambda: 'value = "3 bar"' in page.evaluate("window.lab.lab.parts.protocol?.text ?? ''"))
 
 
+def test_a_number_that_is_opened_while_the_one_before_is_taken_keeps_what_is_typed(bench, until):
+    page = bench()
+    assert page.evaluate("window.lab.act('protocol', {name: 'work-loop'})")["ok"]
+    page.wait_for_selector("#sent [data-name=cycles]")
+    until(lambda: page.evaluate("window.lab.lab.parts.dry?.passed === true"))
+    page.evaluate(
+        """() => { const send = WebSocket.prototype.send
+        WebSocket.prototype.send = function (words) { setTimeout(() => send.call(this, words), 500) } }"""
+    )  # a slow line
+    page.click("#sent [data-name=shortening]")
+    page.keyboard.type("4 bar")
+    page.keyboard.press("Enter")
+    page.click("#sent [data-name=cycles]")
+    page.keyboard.type("5")
+    page.wait_for_timeout(1_500)  # meanwhile the first is taken
+    page.keyboard.press("Enter")
+    form = "Object.fromEntries(window.lab.lab.parts.protocol.form.map(f => [f.name, f.value]))"
+    until(lambda: [page.evaluate(form)[name] for name in ("shortening", "cycles")] == ["4", "5"])
+
+
 def test_a_dry_run_that_comes_while_somebody_types_changes_nothing_that_is_typed(bench, until):
     low = '[parameters.low]\nunit = "Pa"\nvalue = "0 bar"\n[[steps]]\nlabel = "wait"\n'
     low += 'pressure = { to = "$low", in = "0.1 s" }\n'

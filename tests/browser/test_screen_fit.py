@@ -11,6 +11,7 @@ from importlib import resources
 import pytest
 from screen_server import says
 
+from mckibben import muscle
 from mckibben.muscles.laws import LAWS
 
 MAP = resources.files("mckibben.specimens") / "maps" / "DMSP-20-300_force_map.csv"
@@ -104,6 +105,38 @@ def test_a_link_restores_table_laws_and_view_and_a_report_opens(visit, table, co
     page.wait_for_function(f"window.lab?.lab.parts.setup?.muscle === '{muscle}'")
     of = f"window.lab.lab.parts.setup.muscles.find(m => m.id === '{muscle}')"
     assert page.evaluate(f"{of}.law") == "ideal"  # the one that was shown
+
+
+def test_a_travel_of_a_testing_machine_is_chosen_as_one_and_counts_from_the_rest_length(visit):
+    rows = [(way, bar * (50 - 2 * way), bar) for bar in (2, 4) for way in (0, 5, 10, 15)]
+    table = "\n".join(["Weg;Kraft [N];Druck [bar]", *(";".join(map(str, row)) for row in rows)])
+    page = visit("/fit?laws=ideal")
+    page.wait_for_selector("[data-takes] input[type=file]", state="attached")
+    page.evaluate(DROPPED, ["zug.csv", table])
+    page.get_by_label("What Weg holds").select_option(label="Contraction or travel")
+    page.get_by_label("Unit of Contraction or travel").select_option("mm")
+    page.fill("#c-rest", "30")
+    page.press("#c-rest", "Enter")
+    page.wait_for_selector("text=8 rows used")
+    fitted(page, 1)
+    page.wait_for_selector("figure.fitplot[data-fit]", state="attached")
+    lengths = page.evaluate("JSON.parse(document.querySelector('figure.fitplot').dataset.fit).points.map(p => p.L)")
+    assert sorted(set(lengths)) == [28.5, 29.0, 29.5, 30.0]
+
+
+def test_a_law_that_ended_at_a_bound_says_so_where_it_stands_and_comes_behind_the_law_that_it_then_is(visit):
+    braid = muscle("ideal", thread_length="16 cm", turns=3.2)  # a braid without a wall
+    rows = [
+        (cm, bar, float(braid.tension(cm / 100.0, bar * 1e5))) for bar in (1, 2, 3, 4) for cm in (11, 11.5, 12, 12.5)
+    ]
+    table = "\n".join(["length [cm],pressure [bar],force [N]", *(",".join(map(repr, row)) for row in rows)])
+    page = visit("/fit?laws=thick_wall,ideal&rest=14")
+    page.wait_for_selector("[data-takes] input[type=file]", state="attached")
+    page.evaluate(DROPPED, ["braid.csv", table])
+    fitted(page, 2)
+    first, second = page.locator(".rank tr.pick").all()
+    assert (first.get_attribute("data-law"), second.get_attribute("data-law")) == ("ideal", "thick_wall")
+    assert "wall_thickness at its bound" in second.inner_text() and "bound" not in first.inner_text()
 
 
 @pytest.mark.slow

@@ -5,6 +5,8 @@ import os
 
 import numpy as np
 import pytest
+from screen_figures import MOVED
+from screen_server import says, settled
 
 from mckibben.analysis.channels import find_cycles
 from mckibben.analysis.loops import loops
@@ -66,6 +68,101 @@ def test_two_clicks_overlay_two_recordings_with_the_numbers_of_the_analysis(visi
     other = visit("/recordings?a=wide.nc&b=narrow.nc&view=channels")  # the link restores it
     other.wait_for_function("document.querySelectorAll('figure.chart canvas').length === 3")
     until(lambda: line(other, "narrow").get_attribute("aria-selected") == "true")
+
+
+CHARTS = "[...document.querySelectorAll('.overlay figure.chart')]"
+
+
+def test_charts_loop_and_drawn_muscle_have_one_cursor_and_one_zoom(visit, folder, until):
+    page = visit("/recordings?a=wide.nc")
+    page.wait_for_selector(".timed .u-over")
+    page.wait_for_selector(".player canvas")
+    field = page.locator(".timed .u-over").last
+    field.scroll_into_view_if_needed()
+    box = field.bounding_box()
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+    until(lambda: page.evaluate("typeof window.atCursor") == "number")
+    at = page.evaluate("window.atCursor")
+    record = read_recording(folder / "wide.nc")
+    begins = record.time[find_cycles(record["length"])[0].start]
+    there = int(np.searchsorted(record.time, at + begins))
+    label = page.get_attribute(".player canvas", "aria-label")
+    # of a sample beside the cursor, which moves the length by less than the last place that is said
+    assert f"length {100 * record['length'][there]:.1f}" in label.replace("\u2212", "-")[:200] or any(
+        f"length {100 * record['length'][i]:.2f} cm" in label for i in (there - 1, there)
+    )
+    # a zoom of one chart over time is that of the others, and the loop shows what was then
+    other = visit("/recordings?a=wide.nc&view=channels")
+    other.wait_for_function("document.querySelectorAll('figure.chart canvas').length === 3")
+    box = other.locator(".timed .u-over").first.bounding_box()
+    other.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
+    tips = "[...document.querySelectorAll('.timed .tip')].map(t => t.hidden ? '' : t.textContent)"
+    until(lambda: all(other.evaluate(tips)), what="a chart does not say what it has at the cursor")
+    times = [float(tip.split("\u2009")[0].replace("\u2212", "-")) for tip in other.evaluate(tips)]
+    # of the sample under the cursor: of 3 s over some hundred pixels, beside one of them
+    assert np.ptp(times) <= 3.0 / box["width"] + 2e-3
+    other.locator(".timed .plot").first.focus()
+    other.keyboard.press("+")
+    ranges = other.evaluate(f"{CHARTS}.map(f => (f.zoomed ?? f.whole).x)")
+    assert all(one == ranges[0] for one in ranges) and other.evaluate(f"{CHARTS}.every(f => f.zoomed)")
+    page.locator(".timed .plot").first.focus()
+    before = page.evaluate(f"{CHARTS}[0].whole")
+    for _ in range(6):
+        page.keyboard.press("+")
+    until(lambda: page.evaluate(f"{CHARTS}[0].whole") != before)
+    page.keyboard.press("0")
+    until(lambda: page.evaluate(f"{CHARTS}[0].whole") == before)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 768), (768, 1024), (390, 844)])
+def test_chosen_recordings_that_come_move_nothing_that_one_reads_already(visit, folder, width, height):
+    page = visit("/recordings?a=wide.nc&b=narrow.nc", width=width, height=height)
+    page.evaluate(MOVED)
+    settled(page)
+    assert page.evaluate("window.moved") < 0.1, page.evaluate("window.movers")  # what browsers call good
+
+
+def test_a_recording_is_played_on_the_drawn_muscle_at_a_chosen_speed(visit, folder, until):
+    page = visit("/recordings?a=wide.nc")
+    page.wait_for_selector(".playbar button")
+    page.get_by_label("Speed").select_option("2")
+    first = page.get_attribute(".player canvas", "aria-label")
+    began = page.evaluate("[+document.querySelector('.playbar input').value, performance.now()]")
+    page.get_by_role("button", name="Play").click()
+    until(lambda: page.evaluate("window.atCursor") > began[0] + 1.0)
+    went = page.evaluate("[window.atCursor, performance.now()]")
+    # faster it never goes; a busy machine draws late, never early
+    assert went[0] - began[0] <= 2.0 * (went[1] - began[1]) / 1e3 + 0.01
+    assert page.get_attribute(".player canvas", "aria-label") != first
+    page.get_by_role("button", name="Hold").click()
+    held = page.evaluate("window.atCursor")
+    page.wait_for_timeout(200)
+    assert page.evaluate("window.atCursor") == held
+    page.get_by_label("Time", exact=True).fill("0.5")
+    assert page.evaluate("window.atCursor") == pytest.approx(0.5, abs=2e-3)  # a step of the slider
+    says(page, ".playbar output", f"{page.evaluate('window.atCursor'):.3f}")
+
+
+def test_any_number_of_recordings_and_any_channel_are_overlaid_and_the_link_brings_them_back(visit, folder, until):
+    record = read_recording(folder / "wide.nc")
+    warm = {"muscle.temperature": Channel(np.linspace(293.0, 295.0, len(record)), "K", "true")}
+    record.with_channels(warm).save(folder / "warm.nc")
+    page = visit("/recordings")
+    ready(page, 4)
+    for name in ("wide", "narrow", "odd", "warm"):
+        line(page, name).click()
+    until(lambda: page.locator("[aria-label='Measured properties'] thead th").count() == 6)  # name, four, unit
+    labels = "JSON.parse(document.querySelector('figure.chart').dataset.chart).lines.map(l => l.label)"
+    assert page.evaluate(labels) == ["A", "B", "C", "D"] and page.locator(".player").count() == 4
+    page.get_by_text("Other channels").click()
+    page.get_by_label("muscle.temperature").check()
+    until(lambda: "channels=muscle.temperature" in page.url)
+    other = visit(page.url.removeprefix(page.url.split("/recordings")[0]))
+    other.wait_for_selector("figcaption:has-text('muscle.temperature')")
+    until(lambda: other.locator("tr[aria-selected=true]").count() == 4)
+    line(page, "narrow").click()  # what is chosen is left by another click
+    until(lambda: page.locator(".player").count() == 3)
+    (folder / "warm.nc").unlink()
 
 
 @pytest.mark.slow

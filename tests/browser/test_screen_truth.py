@@ -1,5 +1,7 @@
 """What the screen says is so: of a run, of the machine that stands still, of a link, of a change that is taken back."""
 
+import re
+
 import pytest
 from screen_server import says, settled
 from test_screen_bench import SHORT, bench, clicked  # noqa: F401 (a fixture)
@@ -111,6 +113,7 @@ def test_what_was_changed_on_the_bench_is_taken_back_by_ctrl_z_change_by_change(
     muscle = "window.lab.lab.parts.setup.muscle"
     page.evaluate("window.lab.act('muscle', {name: 'fiberglass'})")
     until(lambda: page.evaluate(muscle) == "fiberglass")
+    page.wait_for_timeout(4_000)  # no change is too old: after 3 s it was
     for expected in (("nylon", "3"), ("nylon", "1"), ("nylon", "2")):
         page.keyboard.press("Control+z")
         try:
@@ -148,6 +151,22 @@ def test_a_run_that_does_not_keep_its_pace_says_how_fast_it_goes(monkeypatch, sp
     assert run.slow == ""
 
 
+def test_a_page_that_draws_too_slowly_for_real_time_says_how_fast_its_run_goes(bench, status, until):  # noqa: F811
+    page = bench(SHORT.replace("cycles = 3", "cycles = 200"), "real")
+    clicked(page, until, status, 0.2)
+    # 0.5 s for each picture: a run goes no farther than 0.07 s before what its page has drawn
+    page.evaluate(
+        """() => { const draw = () => { const end = performance.now() + 500; while (performance.now() < end);
+        window.idle = setTimeout(() => requestAnimationFrame(draw)) }; draw() }"""
+    )
+    says(page, "#state", "of real time")
+    said = float(page.inner_text("#state").split("of real time")[0].split()[-1])
+    assert 0.0 < said < 0.9  # from which on it is said
+    says(page, "#log", "The run goes at", "it is not computed or shown faster")
+    page.evaluate("window.lab.act('stop')")
+    until(lambda: not status(page).get("running"), 30.0)
+
+
 def test_a_circuit_names_no_muscle_of_which_it_takes_no_number(visit, until):
     sized = size(force="50 N", stroke="3 cm", valve="MHE2-3-2")
     document = sized.to_circuit()
@@ -168,6 +187,7 @@ def test_the_list_of_laws_and_the_ranking_count_the_same_parameters(visit, until
         title, free = row.locator(".law-name").inner_text().split("\n")[0], row.locator("td").nth(2).inner_text()
         label = next(one for one in page.locator("label.law").all_inner_texts() if title.startswith(one.split("\n")[0]))
         assert f"{free} parameters" in label
+    assert not re.search(r"\+[-\u2212]|\d\.(?!\d)", page.inner_text(".rank"))  # of a number one sign, and no bare point
 
 
 @pytest.mark.parametrize(
@@ -255,9 +275,19 @@ MANY = (
 )
 
 
-@pytest.mark.parametrize(("width", "height"), [(1440, 900), (768, 1024), (390, 900)])
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 768), (768, 1024), (390, 900)])
 @pytest.mark.parametrize(
-    "path", ["/", f"/fit?map=DMSP-20-300&laws={MANY}", "/compare", "/energy", "/recordings", "/size?lines=no"]
+    "path",
+    [
+        "/",
+        f"/fit?map=DMSP-20-300&laws={MANY}",
+        "/compare",
+        "/energy",
+        "/circuit",
+        "/size?lines=no",
+        "/paper",
+        "/recordings",
+    ],
 )
 def test_what_a_page_loads_moves_nothing_that_one_reads_already(visit, path, width, height):
     page = visit(path, width=width, height=height)

@@ -698,3 +698,21 @@ def test_columns_of_other_names_are_suggested_by_their_units_and_none_is_guessed
     for words in ("Traverse (mm) may be the length", "Manometer (mbar) may be the pressure", "(kN) may be the tension"):
         assert words in str(refused.value)
     assert "Raum (degC) may" not in str(refused.value)
+
+
+@pytest.mark.parametrize("counts", [(40, 40, 40), (40, 55)])
+def test_an_array_of_structs_of_matlab_is_as_many_runs(tmp_path, counts):
+    pytest.importorskip("pymatreader")
+    from scipy.io import savemat
+
+    trials = np.zeros(len(counts), [(name, object) for name in ("time", "force", "pressure", "operator")])
+    for i, n in enumerate(counts):
+        time = np.linspace(0.0, 1.0, n)
+        trials[i] = (time, 10.0 * i + time, 2.0 + i, "me")  # a number is that of each sample of its trial
+    savemat(tmp_path / "trials.mat", {"trials": trials, "units": {"time": "s", "force": "N", "pressure": "bar"}})
+    runs = mk.read(tmp_path / "trials.mat").runs
+    assert [len(run) for run in runs] == [*counts]
+    for i, run in enumerate(runs):
+        # to the rounding of the clock, on which the runs stand one after another
+        assert np.allclose(run["force"] - 10.0 * i, run.time, rtol=0.0, atol=1e-12)
+        assert np.allclose(run["pressure"], 1e5 * (2.0 + i), rtol=1e-15)

@@ -272,10 +272,24 @@ def _leaves(tree: Mapping[str, JsonValue], before: str, depth: int) -> list[tupl
         if key.startswith("__"):
             continue
         if isinstance(value, Mapping) and depth < _DEEPEST and not _is_logged(value):
-            leaves += _leaves(dict(sorted(value.items())), f"{before}{key}.", depth + 1)
+            leaves += _leaves(dict(sorted(_end_to_end(value).items())), f"{before}{key}.", depth + 1)
         else:
             leaves.append((f"{before}{key}", value))
     return leaves
+
+
+def _end_to_end(value: Mapping[str, Any]) -> Mapping[str, Any]:
+    """An array of structs, such as one for each trial, as one: vectors one after another, numbers with each sample."""
+    columns = {k: [np.ravel(one) for one in v] for k, v in value.items() if isinstance(v, list)}
+    numbers = {k: v for k, v in columns.items() if all(one.dtype.kind in "fiub" for one in v)}
+    counts = {len(v) for v in columns.values()}
+    if len(counts) != 1 or counts == {1} or len(numbers) < 2:
+        return value
+    sizes = [max(len(one) for one in several) for several in zip(*numbers.values(), strict=True)]
+    if any(len(one) not in (1, n) for v in numbers.values() for one, n in zip(v, sizes, strict=True)) or max(sizes) < 2:
+        return value
+    repeated = {k: [np.resize(one, n) for one, n in zip(v, sizes, strict=True)] for k, v in numbers.items()}
+    return {**value, **{k: np.concatenate(v) for k, v in repeated.items()}}
 
 
 MATLAB = FileFormat(title="MATLAB files", read=read_matlab, write=write_matlab)

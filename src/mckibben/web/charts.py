@@ -170,7 +170,8 @@ def _line(line: Mapping[str, Any]) -> dict[str, Any]:
     return {"x": x, "y": y, "quantity": _quantity(line), **words, **numbers, **flags}
 
 
-LETTERS = {"A": [], "B": [6, 3], "C": [2, 3], "D": [10, 3, 2, 3]}  # dashes of recordings of the same quantity
+# Dashes of recordings of the same quantity.
+LETTERS = {"A": [], "B": [6, 3], "C": [2, 3], "D": [10, 3, 2, 3], "E": [14, 4], "F": [6, 3, 2, 3, 2, 3]}
 MOST = 4000  # points of a line that are sent
 
 
@@ -208,6 +209,8 @@ class ChartLine:
         line: draw the line.
         fill: shade what it encloses.
         opacity: opacity of all of it.
+        course: time, x and y (m,) of all that the line is a part of, on the axis of the charts over time, whose cursor and
+            zoom it follows; none by default.
     """
 
     x: Sequence[float] | np.ndarray
@@ -220,6 +223,7 @@ class ChartLine:
     line: bool = True
     fill: bool = False
     opacity: float = 1.0
+    course: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -258,14 +262,14 @@ class Chart:
         """JSON document for the browser; long lines are thinned, their extremes kept."""
         lines = []
         for line in self.lines:
-            x, y = thinned(np.asarray(line.x, float), np.asarray(line.y, float))
-            lines.append(
-                {
-                    **dataclasses.asdict(dataclasses.replace(line, x=[], y=[])),
-                    "x": plain_numbers(x),
-                    "y": plain_numbers(y),
-                }
-            )
+            x, y = map(plain_numbers, thinned(np.asarray(line.x, float), np.asarray(line.y, float)))
+            course = None
+            if line.course is not None:
+                time, *places = line.course
+                *places, time = thinned(*places, time)
+                course = [plain_numbers(v) for v in (time, *places)]
+            plain = dataclasses.asdict(dataclasses.replace(line, x=[], y=[], course=None))
+            lines.append({**plain, "x": x, "y": y, "course": course})
         return {
             "name": self.name,
             "summary": self.summary,
@@ -317,17 +321,17 @@ def update(place: ChartPlace, chart: Chart) -> None:
     place.menu.set(hidden=None, data_name=chart.name)
 
 
-def thinned(x: np.ndarray, y: np.ndarray, most: int = MOST) -> tuple[np.ndarray, np.ndarray]:
-    """Thin a line to a number of points: of every section the ends and the extremes of x and y."""
-    n = len(x)
+def thinned(*columns: np.ndarray, most: int = MOST) -> tuple[np.ndarray, ...]:
+    """Thin a line to a number of points: of every section the ends and the extremes of x and y, its first two columns."""
+    n = len(columns[0])
     if n <= most:
-        return x, y
+        return columns
     edges = np.linspace(0, n, most // 6 + 1).astype(int)
     keep = []
     for a, b in zip(edges[:-1], edges[1:], strict=True):
-        part = [f(v[a:b]) for v in (x, y) if np.isfinite(v[a:b]).any() for f in (np.nanargmin, np.nanargmax)]
+        part = [f(v[a:b]) for v in columns[:2] if np.isfinite(v[a:b]).any() for f in (np.nanargmin, np.nanargmax)]
         keep += sorted({a, b - 1, *(a + int(i) for i in part)})
-    return x[keep], y[keep]
+    return tuple(column[keep] for column in columns)
 
 
 def plain_numbers(values: Any, digits: int = 7) -> list[float | None]:

@@ -20,6 +20,8 @@ LETTERS: dict[str, Sequence[float]] = {
     "B": (3.5, 1.8),
     "C": (1.2, 1.8),
     "D": (6.0, 1.8, 1.2, 1.8),
+    "E": (8.0, 2.4),
+    "F": (3.5, 1.8, 1.2, 1.8, 1.2, 1.8),
 }  # dashes, in widths
 HEIGHT, LANE, APART = 3.6, 1.0, 0.34  # of a figure, of one of several charts, and between them [inch]
 SIDE = 0.03  # share of the axes, within which a line ends at their right side

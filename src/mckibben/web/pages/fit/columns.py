@@ -19,14 +19,14 @@ from ...widgets import box, button, check, raw, select, text
 from .jobs import FitRequest, dimensions, specimen_of
 
 NAMES = {
-    "length": "Length", "contraction": "Contraction", "pressure": "Pressure", "tension": "Tension",
+    "length": "Length", "contraction": "Contraction or travel", "pressure": "Pressure", "tension": "Tension",
     "rest_length": "Rest length", "branch": "Branch", "diameter": "Diameter", "run": "Run",
 }  # fmt: skip
 COLOURS = {"length": "L", "contraction": "L", "pressure": "P", "tension": "F", "rest_length": "L", "diameter": "L"}
 LENGTHS = ("m", "cm", "mm", "inch")
 PRESSURES = ("Pa", "kPa", "MPa", "bar", "mbar", "psi")
 UNITS = {
-    "length": LENGTHS, "rest_length": LENGTHS, "diameter": LENGTHS, "contraction": ("percent", "1"),
+    "length": LENGTHS, "rest_length": LENGTHS, "diameter": LENGTHS, "contraction": ("percent", "1", *LENGTHS),
     "pressure": tuple(f"{u}{r}" for u in PRESSURES for r in ("", " abs")), "tension": ("N", "kN", "mN", "lbf", "kgf"),
 }  # fmt: skip
 SHOWN = 4  # rows of the preview

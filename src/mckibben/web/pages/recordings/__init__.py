@@ -1,4 +1,4 @@
-"""The Recordings page: list, search, overlay of two, notes, export, deletion with Undo."""
+"""The Recordings page: list, search, overlay, notes, export, deletion with Undo."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from .overlay import OverlayPane
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-LINK = ("a", "b", "pa", "pb", "view", "differences", *WORDS)
+LINK = (*LETTERS.lower(), *(f"p{x}" for x in LETTERS.lower()), "view", "channels", "differences", *WORDS)
 LOOKS = 2.0  # time between two looks into the folder [s]
 AT_ONCE = 6  # recordings that are read before the list is drawn again
 MANY = 6  # recordings that fill the list where it stands above what is read: it has its height before they come
@@ -54,7 +54,7 @@ class RecordingsPage:
     """The Recordings page of one visitor."""
 
     def __init__(self, workspace: Workspace, words: Mapping[str, str]) -> None:
-        named = dict.fromkeys((words.get("a", ""), words.get("b", "")))
+        named = dict.fromkeys(words.get(letter, "") for letter in LETTERS.lower())
         self.choice = RecordingChoice(workspace, {k: words.get(k, "") for k in WORDS}, [n for n in named if n])
         self._apart = words.get("differences") == "1"  # the list tells what differs
         self._compared: list[str] = []  # names of the listed recordings
@@ -70,13 +70,14 @@ class RecordingsPage:
             self._told = text("span", "", "small dim")
             self.actions.buttons()
         with box("div", "recordings"):
-            many = " many" if len(self.choice.shelf.names()) >= MANY else ""
+            count = len(self.choice.shelf.names())
+            many = " many" if count >= MANY else ""
             with box("section", f"panel list{many}").set(aria_label="List of recordings") as whole:
                 self._filters = listing.tools(self.choice.words, self._searched)
                 with box("div", "apart-bar"):
                     check("Only what differs", self._apart, self._told_apart)
                     self._same = text("span", "", "small faint")
-                self._list = box("div", "scroll-list")
+                self._list = box("div", f"scroll-list rows{min(count, MANY)}")
             self._lines = listing.RecordingLines(self._list, self._pick)
             self.pane.build()
         self.actions.build(whole)
@@ -144,7 +145,7 @@ class RecordingsPage:
                 listing.filters(self.choice.words, entries, self._searched)
         count, size = len(entries), sum(e.size for e in entries)
         amount = f", {file_size(size)}" if size else ""
-        which = " and ".join(LETTERS[: len(self.choice.chosen)])
+        which = ", ".join(LETTERS[: len(self.choice.chosen)])
         now = f" \u00b7 {which} chosen" if which else ""
         self._told.say(f"{count} recording{'s' if count != 1 else ''}{amount}{now}")
         self._rows()
@@ -186,14 +187,14 @@ class RecordingsPage:
     # ---- choice
 
     async def _pick(self, name: str) -> None:
-        """Toggle the choice of a recording; a third one replaces the second."""
+        """Toggle the choice of a recording; where all letters are given, the last one is replaced."""
         chosen = self.choice.chosen
-        await self._choose([n for n in chosen if n != name] if name in chosen else [*chosen[:1], name])
+        others = [n for n in chosen if n != name]
+        await self._choose(others if name in chosen else [*others[: len(LETTERS) - 1], name])
 
     async def _choose(self, names: list[str]) -> None:
-        self.choice.chosen = names[:2]
-        a, b = [*self.choice.chosen, None, None][:2]
-        link(a=a, b=b)
+        self.choice.chosen = names
+        link(**dict.fromkeys(LETTERS.lower()) | dict(zip(LETTERS.lower(), names, strict=False)))
         self._draw()
         await self.pane.show()
 

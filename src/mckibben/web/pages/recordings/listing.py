@@ -204,7 +204,7 @@ def _path(x: np.ndarray, y: np.ndarray, colour: str, fill: str = "none") -> str:
     return f'<path d="M{points}" fill="{fill}" stroke="{colour}" stroke-width="1.3"/>' if points else ""
 
 
-LETTERS = "AB"
+LETTERS = "ABCDEF"  # of recordings that are laid over one another
 MOST_SHARED = 6  # conditions that all share, that the page lists
 ORIGINS = {"": "Origin: any", "simulated": "Simulated", "measured": "Measured", "file": "Imported"}
 CHECK = (

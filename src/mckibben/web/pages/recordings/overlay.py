@@ -1,4 +1,4 @@
-"""Two recordings overlaid: their charts, values measured on both, and their notes."""
+"""Recordings overlaid: their charts, the muscle that plays them, values measured on each, and their notes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from ....analysis.channels import find_cycles
 from ....analysis.loops import loops
 from ....analysis.segments import segments as recorded_steps
 from ....analysis.segments import varied
+from ....documents import JsonValue
 from ....errors import InputError, MckibbenError
 from ....muscles.muscle import built_muscle
-from ....quantities import from_si, parse
+from ....quantities import from_si, parse, shown_unit
 from ....recordings import Note, Recording
 from ....recordings.provenance import told_apart
 from ....report.origins import known_specimen
-from ...charts import Axis, Chart, ChartLine, Mark
+from ...bench.chosen import drawn_muscle
+from ...charts import Axis, Chart, ChartLine, Mark, plain_numbers, thinned
 from ...elements import page_document
 from ...forms import plain_text
 from ...stream import channel, places
@@ -34,6 +36,7 @@ from ...widgets import (
     TypedField,
     box,
     button,
+    check,
     empty,
     grouped,
     link,
@@ -63,19 +66,23 @@ OWN = {
 class OverlaidPart:
     """The shown part of one recording."""
 
-    letter: str  # A or B
+    letter: str  # of `LETTERS`
     name: str
     record: Recording  # the step that is shown, or all of it
     begins: float  # time of its samples that stands at zero of the axis [s]
     words: str = ""  # which step it is; nothing if it is all
 
     def values(self, channel: str) -> np.ndarray | None:
-        """A quantity in the unit that is shown (n,), and nothing if it was not recorded."""
-        name = places(self.record).get(channel)
-        if name is None:
+        """A quantity of `NAMES`, or a channel by its name, in the unit that is shown (n,); None if it was not recorded."""
+        name = places(self.record).get(channel) if channel in NAMES else channel
+        if name is None or name not in self.record:
             return None
-        unit, si = NAMES[channel][1:]
-        return from_si(1.0, si, unit) * self.record[name] if self.record.unit(name) == si else None
+        si = self.record.unit(name)
+        unit = NAMES[channel][1] if channel in NAMES else shown_unit(si)
+        if channel in NAMES and si != NAMES[channel][2]:
+            return None
+        zero, one = (0.0, 1.0) if unit == si else (from_si(v, si, unit) for v in (0.0, 1.0))  # degrees have a zero
+        return zero + (one - zero) * self.record[name]
 
 
 def steps(record: Recording) -> list[tuple[str, Recording]]:
@@ -114,15 +121,28 @@ def last_cycle(record: Recording) -> slice | None:
     return slice(last.start, last.end + 1)
 
 
-def charts(parts: Sequence[OverlaidPart], view: str) -> list[Chart | str]:
-    """Charts of a view; a message if there is nothing to draw."""
+def charts(parts: Sequence[OverlaidPart], view: str, channels: Sequence[str] = ()) -> list[Chart | str]:
+    """Charts of a view, with the named channels below; a message if there is nothing to draw."""
     shown: list[Chart | str | None]
     if view == "channels":
         shown = [over_time(parts, quantity, LOW) for quantity in NAMES]
     else:
         first = less_the_law(parts) if view == "law" else over_length(parts)
         shown = [first, over_time(parts, "tension", LOW) or over_time(parts, "pressure", LOW)]
-    return [one for one in shown if one is not None] or [_other_channel(parts)]
+    drawn = [one for one in (*shown, *(over_time(parts, name, LOW) for name in channels)) if one is not None]
+    if not drawn:  # of no muscle: the first channel that was measured
+        first_of = (over_time(parts, name, HIGH) for name in other_channels(parts))
+        drawn = [next((one for one in first_of if one is not None), "Nothing was recorded beside the time.")]
+    return drawn
+
+
+def other_channels(parts: Sequence[OverlaidPart]) -> list[str]:
+    """Channels of the recordings that no chart shows by itself, measured ones first."""
+    kinds: dict[str, str] = {}
+    for part in parts:
+        own = places(part.record).values()
+        kinds |= {name: part.record.channels[name].kind for name in part.record.names() if name not in own}
+    return sorted(kinds, key=lambda name: kinds[name] == "command")
 
 
 def over_length(parts: Sequence[OverlaidPart]) -> Chart | None:
@@ -240,19 +260,28 @@ def over_time(parts: Sequence[OverlaidPart], channel: str, height: int) -> Chart
                 marks.append(Mark(f"{part.letter}: {note.text}", x=at))
     if not lines:
         return None
+    named = NAMES[channel][:2] if channel in NAMES else _named_channel(parts, channel)
     low = min(float(p.record.time[0]) - p.begins for p in parts)
     high = max(float(p.record.time[-1]) - p.begins for p in parts)
     from_ = "from their first reversal" if len(parts) > 1 else "from the first reversal"
     axis = Axis(f"time, {from_}" if any(last_cycle(p.record) for p in parts) else "time", "s", "", low, high)
-    sentence = f"{NAMES[channel][0]} of {_named(parts)} against time."
-    across = Axis(*NAMES[channel][:2], channel)
-    return Chart(_title(NAMES[channel][0], parts), sentence, axis, across, lines, marks, height)
+    sentence = f"{named[0]} of {_named(parts)} against time."
+    across = Axis(*named, channel if channel in NAMES else "")
+    return Chart(_title(named[0], parts), sentence, axis, across, lines, marks, height)
+
+
+def _named_channel(parts: Sequence[OverlaidPart], channel: str) -> tuple[str, str]:
+    """Name and shown unit of a channel; recordings that state it in another unit are not laid over it."""
+    units = {shown_unit(p.record.unit(channel)) for p in parts if channel in p.record}
+    if len(units) > 1:
+        raise InputError("channel", channel, f"must have one unit in all recordings, got {' and '.join(sorted(units))}")
+    return channel, units.pop()
 
 
 def _estimated(part: OverlaidPart, time: np.ndarray, channel: str) -> list[ChartLine]:
     """What was estimated of a quantity from other sensors: its 95 % interval as an area, and its mean."""
     record, name = part.record, f"estimated.{channel}"
-    if name not in record or record.unit(name) != NAMES[channel][2]:
+    if channel not in NAMES or name not in record or record.unit(name) != NAMES[channel][2]:
         return []
     unit, si = NAMES[channel][1:]
     mean, low, high = (from_si(1.0, si, unit) * record[f"{name}{end}"] for end in ("", ".low", ".high"))
@@ -260,25 +289,15 @@ def _estimated(part: OverlaidPart, time: np.ndarray, channel: str) -> list[Chart
     return [area, ChartLine(time, mean, "estimated", channel, dash="B", width=1.25)]
 
 
-def _other_channel(parts: Sequence[OverlaidPart]) -> Chart | str:
-    """Chart of the first measured channel over time, for recordings without a muscle."""
-    part = parts[0]
-    name = next((n for n in part.record.names() if part.record.channels[n].kind != "command"), "")
-    if not name:
-        return "Nothing was recorded beside the time."
-    values, axis = part.record[name], Axis(name, part.record.unit(name))
-    line = ChartLine(*_with_gaps(part.record.time - part.begins, values), label=part.letter)
-    return Chart(name, f"{name} of {part.name} against time.", Axis("time", "s"), axis, [line], height=HIGH)
-
-
 def _line(part: OverlaidPart, x: Any, y: Any, channel: str, lettered: bool, width: float) -> ChartLine:
-    letter = part.letter if lettered else ""
-    return ChartLine(x, y, label=letter, quantity=channel, dash=letter, width=width)
+    letter, quantity = part.letter if lettered else "", channel if channel in NAMES else ""
+    return ChartLine(x, y, label=letter, quantity=quantity, dash=letter, width=width)
 
 
 def _loop(part: OverlaidPart, x: np.ndarray, y: np.ndarray, lettered: bool) -> ChartLine:
     some = last_cycle(part.record) or slice(None)
-    return _line(part, x[some], y[some], "tension", lettered, 2.25 if part.letter == LETTERS[0] else 2.0)
+    line = _line(part, x[some], y[some], "tension", lettered, 2.25 if part.letter == LETTERS[0] else 2.0)
+    return replace(line, course=(part.record.time - part.begins, x, y))
 
 
 def _with_gaps(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -293,7 +312,24 @@ def _named(parts: Sequence[OverlaidPart]) -> str:
 
 
 def _title(channel: str, parts: Sequence[OverlaidPart]) -> str:
-    return f"{channel}: solid A, dashed B" if len(parts) > 1 else channel
+    ways = {1: "", 2: ": solid A, dashed B"}
+    return channel + ways.get(len(parts), f": {LETTERS[0]} to {parts[-1].letter}, each by its dash and its letter")
+
+
+def played(part: OverlaidPart) -> dict[str, JsonValue] | None:
+    """Return what the browser draws a muscle from as a recording has it at the cursor; None without a length."""
+    columns = {quantity: part.values(quantity) for quantity in NAMES}
+    if columns["length"] is None:
+        return None
+    spec, known = known_specimen(part.record.meta), {n: v for n, v in columns.items() if v is not None}
+    *kept, time = thinned(columns["length"], *known.values(), part.record.time - part.begins)
+    series = dict(zip(known, map(plain_numbers, kept[1:]), strict=True))
+    longest = float(np.nanmax(columns["length"]))
+    muscle = {"rest_length": longest / 100.0, "braid": None} if spec is None else drawn_muscle(spec)
+    limits = {n: float(np.nanmax(known[n])) or 1.0 if n in known else 1.0 for n in ("pressure", "tension")}
+    lengths = [float(np.nanmin(columns["length"])), longest]
+    about = {"muscle": muscle, "limits": limits, "range": lengths, "letter": part.letter, "name": part.name}
+    return {**about, "time": plain_numbers(time), **series}
 
 
 def _cycles(parts: Sequence[OverlaidPart]) -> str:
@@ -310,7 +346,7 @@ class Measure(NamedTuple):
 
 
 def measures(parts: Sequence[OverlaidPart]) -> list[Measure]:
-    """Properties of one or two parts; a property that none of them has is left out."""
+    """Properties of the parts; a property that none of them has is left out."""
     last: list[Any] = []
     for part in parts:
         there = places(part.record)
@@ -351,7 +387,8 @@ class OverlayPane:
     ) -> None:
         self._choice, self._exports, self._look = choice, exports, look
         self._kind = words.get("view", "") if words.get("view") in VIEWS else "tension"
-        named = ((words.get("a"), "pa"), (words.get("b"), "pb"))
+        self._more = [name for name in words.get("channels", "").split(";") if name]
+        named = ((words.get(letter), f"p{letter}") for letter in LETTERS.lower())
         self._steps = {name: words.get(key, "") for name, key in named if name}
         self._parts: list[OverlaidPart] = []
         self._asking = 0  # count of what was asked for; an answer that comes later than the next question is dropped
@@ -363,8 +400,10 @@ class OverlayPane:
                 with head:
                     segments(VIEWS, self._kind, self._look_at, "View")
                     button("Add note", key="N", small=True).set(id="note").on_value("note", self._open_note)
-                self._which = box("div", "row wrap")
-                self._charts = box("div", "overlay")
+                # what is chosen has its place before it is read, so that nothing moves when it comes
+                some = " some" if self._choice.chosen else ""
+                self._which = box("div", f"row wrap{some}")
+                self._charts = box("div", f"overlay{some}")
                 self._notes = box("div", "notes")
             with panel("Measured") as head:
                 with head:
@@ -388,6 +427,11 @@ class OverlayPane:
         self._kind = kind
         link(view=None if kind == "tension" else kind)
         page_document().spawn(self.show())
+
+    def _show_channel(self, name: str, on: bool) -> None:
+        self._more = [n for n in self._more if n != name] + [name] * on
+        link(channels=";".join(self._more) or None)
+        page_document().spawn(self._draw())
 
     def relisted(self) -> None:
         """Compare the loops of another list, where they are shown."""
@@ -450,7 +494,7 @@ class OverlayPane:
         for place in (self._which, self._charts, self._notes, self._table):
             place.clear()
         with self._charts:
-            empty("Choose a recording in the list; a second one is laid over it.")
+            empty("Choose a recording in the list; others are laid over it.")
         with self._table:
             loops = self._kind == "loops"
             words = "Choose a recording for its width, height and area of loops."
@@ -489,7 +533,10 @@ class OverlayPane:
             await self._compare(self._asking)
             self._list_notes()
             return
-        drawn = await asyncio.to_thread(charts, parts, kind)
+        try:
+            drawn = await asyncio.to_thread(charts, parts, kind, self._more)
+        except InputError as error:  # of a channel that recordings have in units of their own
+            drawn = [str(error)]
         measured = await asyncio.to_thread(measures, parts)
         if parts is not self._parts or kind != self._kind:
             return
@@ -501,6 +548,16 @@ class OverlayPane:
                         one.show()
                 else:
                     empty(one)
+            if muscles := [muscle for part in parts if (muscle := played(part)) is not None]:
+                with box("div", "players"):
+                    for muscle in muscles:
+                        box("div", "player").data("spec", muscle)
+            if others := other_channels(parts):
+                with box("details").set(open=bool(self._more)):
+                    text("summary", f"Other channels ({len(others)})")
+                    with box("div", "row wrap small"):
+                        for name in others:
+                            check(name, name in self._more, functools.partial(self._show_channel, name))
         self._table.clear()
         with self._table:
             _measured(measured, [p.letter for p in parts])
@@ -588,7 +645,7 @@ def _disc(letter: str, words: str) -> None:
 
 
 def _measured(measured: Sequence[Measure], letters: Sequence[str]) -> None:
-    two = len(letters) > 1
+    two = len(letters) == 2
     with box("table").set(aria_label="Measured properties"):
         with box("thead"), box("tr"):
             for i, words in enumerate(["Property, last full cycle", *letters, "Unit", *(["B / A"] if two else [])]):

@@ -79,12 +79,13 @@ function draw (u, spec) {
   const { ctx, bbox } = u
   ctx.save()
   ctx.beginPath(); ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height); ctx.clip()
-  for (const l of spec.lines) {
+  for (const l of spec.shown ?? spec.lines) {
     const xs = l.x.map(v => v === null ? NaN : u.valToPos(v, 'x', true)); const ys = l.y.map(v => v === null ? NaN : u.valToPos(v, 'y', true))
     const dash = l.dash === 'own' ? Q[l.quantity]?.dash ?? [] : spec.dashes[l.dash] ?? []
     const fill = l.fill ? token(Q[l.quantity] ? `--q-${l.quantity}-fill` : '--tint') : null
     if (l.line) stroke(ctx, xs, ys, { colour: colour(l.quantity), width: l.width, dash, fill, opacity: l.opacity, close: l.fill })
     if (l.line && !l.fill && !rises(l) && l.x.length >= LOOP) arrows(ctx, xs, ys, colour(l.quantity))
+    if (l.course && spec.at !== null) { const [i, , x, y] = [sample(l.course[0], spec.at), ...l.course]; if (i >= 0 && x[i] !== null && y[i] !== null) dot(ctx, l.quantity, u.valToPos(x[i], 'x', true), u.valToPos(y[i], 'y', true), 5) }
     if (l.points) { ctx.globalAlpha = l.opacity; xs.forEach((x, i) => dot(ctx, l.quantity, x, ys[i], 4, { hollow: true })); ctx.globalAlpha = 1 }
   }
   for (const m of spec.marks) {
@@ -107,7 +108,7 @@ function above (ctx, words, x, y) {
 // Words at the ends of the lines, pushed apart where they would cover each other.
 function labels (u, spec) {
   const { ctx, bbox } = u; const px = devicePixelRatio; const put = []
-  for (const l of spec.lines) {
+  for (const l of spec.shown ?? spec.lines) {
     if (!l.label) continue
     let i = l.x.length - 1
     while (i >= 0 && (l.x[i] === null || l.y[i] === null || outside(u, l.x[i], l.y[i]))) i--
@@ -153,7 +154,7 @@ function near (figure, u, spec) {
   const tip = figure.querySelector('.tip')
   const { left, top } = u.cursor
   let best = null
-  for (const l of left >= 0 ? spec.lines : []) {
+  for (const l of left >= 0 ? spec.shown ?? spec.lines : []) {
     let of = null // its point that is nearest to the pointer: over a line that goes on to the right the one above or below it
     for (let i = 0; i < l.x.length; i++) {
       if (l.x[i] === null || l.y[i] === null) continue
@@ -172,7 +173,7 @@ function near (figure, u, spec) {
 }
 
 function build (figure) {
-  const spec = JSON.parse(figure.dataset.chart)
+  const spec = { at: null, shown: null, ...JSON.parse(figure.dataset.chart) }
   const was = charts.get(figure)
   was?.plot.destroy()
   figure.innerHTML = `<figcaption><span>${title(spec.y)}, against ${title(spec.x)}</span><span class="faint">${escape(spec.name)}</span></figcaption><div class="plot" tabindex="0" role="img" aria-label="${escape(spec.name)}. ${escape(spec.summary)}"></div><div class="tip" hidden></div><details class="values"><summary>Table of values</summary><div class="scroll"></div></details>`
@@ -196,6 +197,28 @@ function build (figure) {
   if (before && before.x[0] < x1 && before.x[1] > x0 && before.y[0] < y1 && before.y[1] > y0) view.take(before)
   figure.querySelector('details').ontoggle = e => { if (e.target.open) fillTable(figure, spec) }
   place.onkeydown = e => walk(e, figure, plot, spec)
+}
+/** Number of the newest of rising times that is not after another; -1 where there is none. */
+export function sample (times, at) {
+  let low = 0; let high = times.length
+  while (low < high) { const m = (low + high) >> 1; if (times[m] <= at) low = m + 1; else high = m }
+  return at > times.at(-1) + 1e-9 ? -1 : low - 1
+}
+/** Show a time: in a chart over time a line with the value under it, in a loop its place. */
+export function showTime (figure, t) {
+  const { plot, spec } = charts.get(figure) ?? {}
+  if (!plot) return
+  if (spec.lines.some(l => l.course)) { spec.at = t; plot.redraw(false) } else plot.setCursor({ left: t === null ? -10 : plot.valToPos(t, 'x'), top: -10 })
+}
+/** Show what a loop did between two times; its usual part for null. */
+export function showSpan (figure, span) {
+  const { plot, spec } = charts.get(figure) ?? {}
+  if (!spec?.lines.some(l => l.course)) return
+  const part = ({ course: [t, x, y], ...l }) => { const inside = t.map(v => v >= span[0] && v <= span[1]); const cut = values => values.map((v, i) => inside[i] ? v : null); return { ...l, course: [t, x, y], x: cut(x), y: cut(y) } }
+  spec.shown = span && spec.lines.map(l => l.course ? part(l) : l)
+  figure.whole = { x: range(spec.shown ?? spec.lines, 'x', spec.x), y: range(spec.shown ?? spec.lines, 'y', spec.y) }
+  if (!figure.zoomed) plot.batch(() => { for (const axis of ['x', 'y']) plot.setScale(axis, { min: figure.whole[axis][0], max: figure.whole[axis][1] }) })
+  plot.redraw(false)
 }
 // With the arrows from point to point, so that a value costs no aiming.
 function walk (e, figure, u, spec) {

@@ -88,7 +88,7 @@ function line (g, colour, width, ...points) {
 }
 
 /** The machine: wall, cell, muscle, rod; every value where it lives. */
-export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, range, dry, old }) {
+export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, range, dry, old, recorded }) {
   const H = phone ? 150 : 196 + (projected(1) > 1 ? 24 : 0); const g = sharp(canvas, W, H)
   const x0 = phone ? 40 : 112; const y = phone ? 70 : 88; const room = W - x0 - (phone ? 62 : 66)
   const rest = muscle.rest_length * 100; const most = room / PX / SCALES.at(-1) // what no stage holds is drawn as far as it goes
@@ -105,7 +105,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     line(g, '--ink', 3, [wx, y], [x0 - 34, y])
     g.fillStyle = token('--panel'); g.strokeStyle = token('--q-tension'); g.lineWidth = 1.5; g.beginPath(); g.roundRect(x0 - 66, y - 12, 26, 24, 2); g.fill(); g.stroke()
     words(g, 'F', x0 - 53, y + 4, { size: 12, weight: 600, colour: '--q-tension', align: 'center', style: 'italic' })
-    words(g, `load cell ${fmt(limits.tension, 0)}${TS}N`, 14, y + 44)
+    words(g, `${recorded ? 'up to' : 'load cell'} ${fmt(limits.tension, 0)}${TS}N`, 14, y + 44)
   }
   // tube and valve
   const tx = x0 - 16; const left = phone ? 0 : 92
@@ -117,7 +117,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
     if (projected(1) > 1) words(g, 'valve', 69, y - 25, { align: 'center' }) // beside its box there is no room
     else words(g, 'valve', 42, y - 50, { align: 'right' })
     g.fillStyle = token('--panel'); g.strokeStyle = token('--q-valve'); g.lineWidth = 1.5; g.beginPath(); g.roundRect(46, y - 68, 46, 28, 2); g.fill(); g.stroke()
-    words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
+    if (!recorded) words(g, `${fmt(told.valve, 0)}${TS}%`, 69, y - 50, { size: 12, weight: 600, colour: '--q-valve', align: 'center' })
   }
   fitting(g, x0, y, k, -1)
   const r = drawMuscle(g, muscle, L, k, x0, y, { pressure: P, top })
@@ -142,7 +142,7 @@ export function drawStage (canvas, W, phone, { muscle, now, told = now, limits, 
   ruler(g, { x0, yr, xe, y, k, far, rest, L: Number.isFinite(told.length) ? told.length : rest, range, phone })
   if (!phone) {
     const ratio = scale === 1 ? `1${TS}:${TS}1` : `1${TS}:${TS}${fmt(1 / scale, (1 / scale) % 1 > 0.01 ? 2 : 0)}`
-    const short = range && `the protocol\u2019s range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm`
+    const short = range && `${recorded ? 'recorded' : 'the protocol\u2019s'} range, ${fmt(range[0], 1)} to ${fmt(range[1], 1)}${TS}cm`
     const full = short && `${short}${dry && projected(1) === 1 ? ' \u00b7 dashed below: what the dry run expects' : ''}`
     // before the sign of the rest length, which stands as low
     const ends = ([from, said]) => from + projected(15) + g.measureText(said).width < x0 + rest * k - 10

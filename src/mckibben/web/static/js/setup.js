@@ -113,6 +113,7 @@ function edit (button, piece) {
       const a = await act('value', { name: piece.name, words: input.value })
       $('#refused').innerHTML = a.ok ? '' : `<div class="err">${SIGN}<span>${escape(say(a.said))}. The old value, ${escape(say(f ? `${f.value} ${f.unit}` : piece.text))}, stays in use.</span></div>`
     }
+    back &&= document.activeElement === input // whoever has gone on to another number meanwhile types there
     if (input.isConnected) input.replaceWith(button)
     const list = button.closest('.sent')
     events.dispatchEvent(new CustomEvent('part', { detail: 'protocol' })) // draws what came meanwhile
