@@ -296,7 +296,7 @@ def _environment() -> dict[str, str]:
 
 # What the house may hold at most. Whoever adds something of worth raises these by the number that its own issue grants, and
 # says so in the commit; whoever makes the house smaller lowers them to what is left, rounded up to the next ten.
-LARGEST = {"src and packages": (143_505, 476), "src/mckibben": (111_025, None)}
+LARGEST = {"src and packages": (143_840, 476), "src/mckibben": (111_360, None)}
 
 
 @pytest.mark.parametrize("what", LARGEST)
