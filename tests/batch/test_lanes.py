@@ -1,7 +1,9 @@
 """A lane of a batch is the run of its variant: the same numbers, results and sentences, whatever its neighbours do."""
 
 import functools
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 import pytest
 from lanes_and_runs import (
@@ -17,7 +19,8 @@ from lanes_and_runs import (
     whole,
 )
 
-from mckibben.batch import Output, VariantOutcome, Variants
+import mckibben as mk
+from mckibben.batch import Output, VariantOutcome, Variants, lanes
 from mckibben.batch.lanes import build
 from mckibben.batch.run import Runner
 from mckibben.bench.run import run
@@ -205,3 +208,32 @@ def test_an_engine_that_there_is_not_is_refused():
     made = template(step_protocol(), {}, outputs=(Output("x", "max", "tension"),))
     with pytest.raises(InputError, match="Known are auto, native, gpu, xla"):
         Runner(made, {}, engine="fast")
+
+
+class Plant(NamedTuple):
+    """What a lane's plant has of its muscle."""
+
+    machine: Any
+
+
+class Units(NamedTuple):
+    """What a machine has of its muscles."""
+
+    units: Any
+
+
+class Unit(NamedTuple):
+    """What a muscle of a machine has of its law."""
+
+    law: Any
+
+
+def test_the_largest_tension_of_every_lane_is_that_of_its_own_law_at_the_states_of_the_plan():
+    """By it lanes are told that cannot be beyond a limit, and need no dry run of their own; 1e-12 is rounding."""
+    laws = [mk.law("ideal", {"thread_length": 0.2, "turns": turns}) for turns in (2.0, 3.0)]
+    trees = [{"plant": Plant(Units({lanes.MUSCLE: Unit(law)}))} for law in laws]
+    leaves = tuple(np.stack(both) for both in zip(*map(jax.tree.leaves, trees), strict=True))
+    span, pressure = np.array([0.15, 0.16, 0.17]), np.array([1e5, 3e5, 2e5])
+    axes = (0,) * len(leaves)
+    most = lanes._most_tension(jax.tree.structure(trees[0]), axes, leaves, np.arange(2), span, pressure)
+    assert np.asarray(most) == pytest.approx([float(law.tension(span, pressure).max()) for law in laws], rel=1e-12)

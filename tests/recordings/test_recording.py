@@ -1,6 +1,7 @@
 """A recording is one immutable value, and files give back exactly what was saved."""
 
 import copy
+import inspect
 import io
 import json
 import math
@@ -16,6 +17,7 @@ import xarray
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mckibben.accessors import PLACES, implementation
 from mckibben.errors import InputError
 from mckibben.recordings import Channel, Recording, read_record, read_recording
 from mckibben.recordings.files import select_between
@@ -506,3 +508,17 @@ def test_a_data_frame_has_the_time_for_its_index_and_the_meta_beside_it() -> Non
     assert (frame.index.name, frame.index.tolist()) == ("time", [0.0, 0.5, 2.0])
     assert {name: frame[name].tolist() for name in frame} == {"a": [1.0, 2.0, 3.0], "b": [4.0, 5.0, 6.0]}
     assert frame.attrs["title"] == "t"
+
+
+def test_a_method_has_the_defaults_of_the_function_of_an_upper_room_that_it_calls() -> None:
+    """They are stated twice, and one alone could be changed."""
+    compared = set()
+    for name, method in vars(Recording).items():
+        if name not in PLACES or not inspect.isfunction(method):
+            continue
+        called = inspect.signature(implementation(name)).parameters
+        for key, one in inspect.signature(method).parameters.items():
+            if one.default is not inspect.Parameter.empty:
+                compared.add(name)
+                assert called[key].default == one.default, (name, key)
+    assert {"contraction_timing", "lever_loops", "force_map"} <= compared
