@@ -81,7 +81,7 @@ class OverlaidPart:
         unit = NAMES[channel][1] if channel in NAMES else shown_unit(si)
         if channel in NAMES and si != NAMES[channel][2]:
             return None
-        zero, one = (0.0, 1.0) if unit == si else (from_si(v, si, unit) for v in (0.0, 1.0))  # degrees have a zero
+        zero, one = [0.0, 1.0] if unit == si else [from_si(v, si, unit) for v in (0.0, 1.0)]  # degrees have a zero
         return zero + (one - zero) * self.record[name]
 
 
