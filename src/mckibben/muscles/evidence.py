@@ -31,6 +31,7 @@ from ..specimens.model import BETWEEN_COMPONENTS, BETWEEN_SHARES, KNOWN_ERRORS, 
 from .braid import SHORTEST_SHARE, braid_of
 from .build import SAME_REST_LENGTH, at_rest_length, default_parameters, law_from_specimen, measured_rest_lengths
 from .law import TensionLaw, law_name
+from .laws import LAWS
 from .plausible import HIGHEST_PRESSURE, usual_pressure
 from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
@@ -300,7 +301,7 @@ def own_numbers(spec: Specimen | None, law: TensionLaw) -> tuple[str, ...]:
     law = getattr(law, "of", law)
     if spec is None or spec.kind != "mckibben" or any(is_traced(getattr(law, key)) for key in declared(law)):
         return ()
-    name, known, usual = law_name(law), declared(law), default_parameters(type(law))
+    name, known, usual = LAWS.stated_as(type(law), spec.laws), declared(law), default_parameters(type(law))
     if getattr(law, "rest_length", None) is not None:
         with contextlib.suppress(InputError):  # of one length, so that another one is a number like the others
             spec, _ = at_rest_length(spec, name, {"rest_length": float(law.rest_length)})  # type: ignore[attr-defined]
