@@ -8,9 +8,9 @@ import pytest
 
 import mckibben as mk
 from mckibben.assembly.build import with_parameters
+from mckibben.batch.sweep import read_sweep
 from mckibben.bench.prepare import prepare
 from mckibben.bench.recorder import initial_metadata
-from mckibben.batch.sweep import read_sweep
 from mckibben.cli.app import main
 from mckibben.errors import InputError, MckibbenError, PlausibilityWarning
 from mckibben.muscles.build import law_from_specimen
