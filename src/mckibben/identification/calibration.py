@@ -151,12 +151,12 @@ def new_muscle(spec: Specimen | None, law: TensionLaw, *, same_rig: bool = False
             "between", None, "is not known of a muscle without specimen: nothing says how far others differ"
         )
     between = Between.of(spec)
-    if own := own_numbers(spec, law):
-        shown = with_unit(float(getattr(law, own[0])), declared(law)[own[0]].unit)
+    for key in own_numbers(spec, law):
+        shown = with_unit(float(getattr(law, key)), declared(law)[key].unit)
         said = (
             f"must be that of {spec.id}: readings move all of its numbers together, and of others nothing says how far"
         )
-        raise InputError(f"{name}.{own[0]}", shown, said)
+        raise InputError(f"{name}.{key}", shown, said)
     before = {
         key.removeprefix(BEFORE): float(
             str(number.si(declared(law_type(name))[key.removeprefix(BEFORE)].unit, field=key))

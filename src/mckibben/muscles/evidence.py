@@ -31,6 +31,7 @@ from ..specimens.model import BETWEEN_COMPONENTS, BETWEEN_SHARES, KNOWN_ERRORS, 
 from .braid import SHORTEST_SHARE, braid_of
 from .build import SAME_REST_LENGTH, at_rest_length, default_parameters, law_from_specimen, measured_rest_lengths
 from .law import TensionLaw, law_name
+from .laws import LAWS
 from .plausible import HIGHEST_PRESSURE, usual_pressure
 from .sleeve import differing_caution, is_braid, other_laws, varied_law
 
@@ -281,8 +282,8 @@ def error_of(spec: Specimen | None, law: TensionLaw | str) -> LawError | None:
     notes = {key: number.note or "as its file states" for key, number in group.items()}
     source = notes.get("largest") or notes.get("rms", "")
     known: dict[str, Any] = {n: numbers.get(n) for n in KNOWN_ERRORS}
-    sources = {"source": source, "other_source": notes.get("other_muscle", "")}
-    error = LawError(**known, **sources, length_source=notes.get("other_length", ""), make=spec.id)
+    known |= {"other_source": notes.get("other_muscle", ""), "length_source": notes.get("other_length", "")}
+    error = LawError(**known, source=source, make=spec.id)
     if isinstance(law, str):
         return error
     more = growth_at(spec, error, _rest_length(spec, law))
@@ -300,10 +301,11 @@ def own_numbers(spec: Specimen | None, law: TensionLaw) -> tuple[str, ...]:
     law = getattr(law, "of", law)
     if spec is None or spec.kind != "mckibben" or any(is_traced(getattr(law, key)) for key in declared(law)):
         return ()
-    name, known, usual = law_name(law), declared(law), default_parameters(type(law))
-    if getattr(law, "rest_length", None) is not None:
+    name, known, usual = LAWS.stated_as(type(law), spec.laws), declared(law), default_parameters(type(law))
+    rest = getattr(law, "rest_length", None)
+    if rest is not None:
         with contextlib.suppress(InputError):  # of one length, so that another one is a number like the others
-            spec, _ = at_rest_length(spec, name, {"rest_length": float(law.rest_length)})  # type: ignore[attr-defined]
+            spec, _ = at_rest_length(spec, name, {"rest_length": float(rest)})
     group, own = spec.laws.get(name, {}), []
     for key, value in values(law).items():
         stated = group[key].si(known[key].unit, field=key) if key in group else usual.get(key)
@@ -429,8 +431,8 @@ def tension_range(
     """
     if spec is None or name not in spec.laws or "rms" in spec.errors.get(name, {}):
         return None
-    own = own_numbers(spec, law)  # of which a person is sure
-    units = {key: q.unit for key, q in declared(law).items() if key not in own}
+    sure = own_numbers(spec, law)  # that a person has stated
+    units = {key: q.unit for key, q in declared(law).items() if key not in sure}
     varied = varied_law(spec, name, law)
     pairs = [] if varied is None else [one for pair in varied.of_dimensions.values() for one in pair]
     ends = [{key: value for key, value in one.items() if key in units} for one in pairs]
