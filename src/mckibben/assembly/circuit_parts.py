@@ -61,6 +61,8 @@ class PlannedNode:
     words: str = ""  # what a sentence says of it
     needs_volume: bool = False  # whether only its neighbours give it volume
 
+    __repr__ = brief
+
 
 # ---- heat
 

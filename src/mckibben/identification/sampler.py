@@ -615,4 +615,4 @@ def _kernel(model: Model, chains: int, warm_up: int, each: int) -> Any:
 
     # One after the other: side by side, each would go on until the longest path of all ends, both ways of every branch
     # would be computed, and what NumPyro nests would take seconds to trace.
-    return jax.jit(lambda keys, z, data: jax.lax.map(lambda both: chain(*both, data), (keys, z)))
+    return jax.jit(lambda keys, z, data: jax.lax.map(lambda both: chain(both[0], both[1], data), (keys, z)))
