@@ -169,7 +169,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a smoke test of two minutes, without other programs")
     parser.add_argument("--only", nargs="+", choices=PARTS, help="parts to run")
-    parser.add_argument("--out", type=Path, default=HERE, help="folder of results.json and results.md")
+    parser.add_argument("--out", type=Path, help="folder of results.json and results.md; this one, for a whole run")
     given = parser.parse_args()
     pin()
     parts = given.only or [p for p in PARTS if not (given.quick and p in ("gradients", "startup", "peers", "work"))]
@@ -183,11 +183,14 @@ def main() -> int:
         "left_out": {name: why for part in found.values() for name, why in part.get("left_out", {}).items()},
         "notes": [note for part in found.values() for note in part.get("notes", [])],
     }  # fmt: skip
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "results.json").write_text(json.dumps(result, indent=1) + "\n")
-    import page
+    whole = not (given.only or given.quick)  # a part replaces no results of a whole run
+    out = given.out or (HERE if whole else None)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "results.json").write_text(json.dumps(result, indent=1) + "\n")
+        import page
 
-    page.write(result, given.out)
+        page.write(result, out)
     for name, (sign, value, meaning) in WANTED.items():
         got = result["ratios"].get(name)
         fair = got is not None and (got >= value if sign == ">=" else got <= value)
