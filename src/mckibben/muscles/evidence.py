@@ -91,7 +91,7 @@ class LawError(NamedTuple):
 
     def to_dict(self) -> dict[str, JsonValue]:
         """The shares and their source as plain values, for JSON."""
-        return {**self._asdict(), "sentence": str(self)}
+        return {**self._asdict(), "own": list(self.own), "sentence": str(self)}
 
 
 class MakeSpread(NamedTuple):
