@@ -82,7 +82,7 @@ def test_a_number_is_ones_own_in_every_face(name, key, capsys, tmp_path):
         muscle.tension(0.95 * muscle.rest_length, 3e5)
     assert f"not with its own {key}" in str(muscle.error)
     expected = law_error(muscle.specimen, muscle.law)
-    assert words in expected["interval"] and expected["own"] == (key,) and "between_muscles" not in expected
+    assert words in expected["interval"] and expected["own"] == [key] and "between_muscles" not in expected
     # the command line and JSON
     command = ["tension", name, "--set", f"{key}={value!r} {unit}", "--contraction", "5 %", "--pressure", "3 bar"]
     with pytest.raises(SystemExit):
@@ -135,6 +135,6 @@ def test_a_sweep_says_it_of_the_numbers_that_its_variants_have(tmp_path):
         path.write_text("\n".join(lines))
         return SweepResults(read_sweep(path), None)._law_errors()["DMSP-40-400"]
 
-    assert errors("shear_modulus", '["0.46 MPa", "0.5 MPa"]')["own"] == ("shear_modulus",)
+    assert errors("shear_modulus", '["0.46 MPa", "0.5 MPa"]')["own"] == ["shear_modulus"]
     cut = mk.muscle("DMSP-40-400", rest_length=0.15)
     assert errors("rest_length", '["15 cm", "40 cm"]') == law_error(cut.specimen, cut.law)
