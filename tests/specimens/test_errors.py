@@ -194,6 +194,35 @@ def test_an_error_that_cannot_be_is_refused(tmp_path: Path, line: str, said: str
     assert said in str(error.value)
 
 
+OWN = (
+    "schema = 1\nid = 'own'\nkind = 'mckibben'\ntitle = 'own'\nsources = []\nlaw = 'gas_spring'\n"
+    "[laws.gas_spring]\nrest_length = { value = 40, unit = 'cm' }\n"
+    "[properties]\nmeasured_rest_lengths = { value = [0.4], unit = 'm', source = 'own' }\n"
+)
+
+
+@pytest.mark.parametrize("name", ["rms", "largest", "other_muscle", "other_length"])
+def test_a_share_may_have_the_digits_of_the_measured_length(tmp_path: Path, name: str):
+    """Only the place of an error is a length: 40 % of a muscle of 0.4 m is a share like any other."""
+    path = tmp_path / "own.toml"
+    path.write_text(f"{OWN}[errors.gas_spring.{name}]\nvalue = 40\nunit = '%'\n")
+    assert getattr(error_of(specimen(path), "gas_spring"), name) == 0.4
+
+
+@pytest.mark.parametrize(("at", "refused"), [("0.4", True), ("0.4004", False), ("0.3", False)])
+def test_an_error_is_found_elsewhere_than_where_it_was_measured(tmp_path: Path, at: str, refused: bool):
+    path, share = tmp_path / "own.toml", "[errors.gas_spring.other_length]\nvalue = 40\nunit = '%'\n"
+    path.write_text(f"{OWN}{share}[errors.gas_spring.other_length_at]\nvalue = {at}\nunit = 'm'\n")
+    if refused:
+        with pytest.raises(InputError, match="a length other than the only measured one"):
+            specimen(path)
+        return
+    spec = specimen(path)
+    error = error_of(spec, "gas_spring")
+    assert growth_at(spec, error, 0.4) == 0.0  # at the measured length nothing is added, however near the other one is
+    assert growth_at(spec, error, 0.2) >= error.other_length
+
+
 def test_a_fit_states_its_errors(tmp_path: Path):
     table = tmp_path / "map.csv"
     points = specimen("DMSP-20-300").force_map()

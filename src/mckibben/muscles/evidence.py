@@ -213,10 +213,10 @@ def growth_at(spec: Specimen, error: LawError | None, rest: float | None) -> flo
     if error is None or error.other_length is None:
         return None if beyond else 0.0
     more, at = max(error.other_length - (error.largest or 0.0), 0.0), error.other_length_at
-    if at is None:
-        return more if beyond else 0.0
     # one that was left out in turn is a measured one of the law of all
-    others = [one for one in measured if abs(at / one - 1.0) > SAME_REST_LENGTH]
+    others = [] if at is None else [one for one in measured if abs(at / one - 1.0) > SAME_REST_LENGTH]
+    if at is None or not others:
+        return more if beyond else 0.0
     away, found = (min(abs(1.0 / to - 1.0 / one) for one in of) for to, of in ((rest, measured), (at, others)))
     return more * away / found
 

@@ -368,7 +368,7 @@ def _read(text: str, *, where: str) -> Specimen:
                 raise errors.table(law).fail(
                     name, str(stated.value), "must be one share of the largest tension, not negative"
                 )
-            if name == "other_length_at" and not value > 0.0 or measured in (value, [value]):
+            if name == "other_length_at" and (not value > 0.0 or measured in (value, [value])):
                 raise errors.table(law).fail(
                     name, str(stated.value), "must be a length other than the only measured one"
                 )
